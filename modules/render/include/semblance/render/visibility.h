@@ -1,0 +1,53 @@
+// The inner loop's view of a scene: which surface point each pixel sees, as compact lists.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "semblance/core/camera.h"
+#include "semblance/core/mesh.h"
+#include "semblance/core/scene.h"
+
+namespace semblance {
+
+/// The pixels that see a surface, in rows from the top: entry i of every list belongs to the same
+/// pixel. b0 = 1 - b1 - b2; all three are perspective-correct.
+struct VisiblePixels {
+  std::vector<std::int32_t> pixel;     // y * width + x
+  std::vector<std::int32_t> triangle;  // numbered through the scene
+  std::vector<float> b1, b2;
+  std::vector<float> depth_m;
+
+  std::size_t size() const { return pixel.size(); }
+};
+
+/// Pixel rectangle [x0, x1) x [y0, y1).
+struct PixelRect {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
+/// Our visibility-buffer rasteriser. Keeps its buffers between calls, so one per thread.
+class Rasteriser {
+ public:
+  Rasteriser();
+  ~Rasteriser();
+  Rasteriser(Rasteriser&&) noexcept;
+  Rasteriser& operator=(Rasteriser&&) noexcept;
+
+  /// Fills `out` with the pixels whose centre sees a surface of the scene, nearest first where
+  /// surfaces overlap (the lower triangle number wins a tie), clipped to `region` (the whole image
+  /// when null). Triangles that reach behind the near plane (1 mm) are left out.
+  void visible_pixels(const Scene& scene, const Camera& camera, const PixelRect* region,
+                      VisiblePixels& out);
+  /// The last call's projected vertices: (x_px, y_px, depth_m) per vertex, numbered through the
+  /// scene's objects; not finite for vertices behind the near plane.
+  std::span<const float> projected_vertices() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace semblance
