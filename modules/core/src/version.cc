@@ -1,0 +1,7 @@
+#include "semblance/core/version.h"
+
+namespace semblance {
+
+const char* program_version() { return "semblance " SEMBLANCE_VERSION; }
+
+}  // namespace semblance
