@@ -1,6 +1,7 @@
 // A mesh moved by weighted displacement fields, and a rigid motion: faces of every kind.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 
 #include "semblance/models/parametric_model.h"
@@ -29,20 +30,52 @@ struct MorphShape {
   int identity_count = 0;                  // how many of them are identity
   std::shared_ptr<const Mesh> mesh;        // neutral, model frame
   std::vector<MorphField> fields;
-  std::vector<ModelLandmark> landmarks;    // the 68 of the iBUG scheme where known
+  std::vector<ModelLandmark> landmarks;  // the 68 of the iBUG scheme where known
   /// Per vertex: which part of a face it belongs to (FacePart), for initial colours and weights.
+  /// Empty where nothing is known.
   std::vector<std::uint8_t> part;
 };
 
 /// Parts of a face that differ in colour or reliability.
 enum class FacePart : std::uint8_t {
-  skin, lips, brow, sclera, iris, pupil, teeth, mouth_cavity, tongue, hair, ear, neck, nostril, lashes, other
+  skin,
+  lips,
+  brow,
+  sclera,
+  iris,
+  pupil,
+  teeth,
+  mouth_cavity,
+  tongue,
+  hair,
+  ear,
+  neck,
+  nostril,
+  lashes,
+  other
 };
+
+/// Throws InvalidInput, naming `source`, unless the mesh is valid, every parameter is a scalar,
+/// fields and landmarks point into the mesh, and all figures are finite.
+void validate(const MorphShape& shape, const std::string& source);
+
+/// The field of a straight blend shape, from the displacement of every vertex (rows of the mesh);
+/// rows shorter than `threshold_m` are left out.
+MorphField make_field(int parameter, const PointsF& displacement_m, float threshold_m = 0.0f);
+
+/// Vertex positions in the model frame for the values of the shape's parameters.
+PointsF shape_positions(const MorphShape& shape, const Eigen::VectorXd& values);
+
+/// The same shape with its identity parameters fixed at `identity` (one value each) and gone: the
+/// displaced neutral is the new neutral. Tracking a known person with it costs the expression only.
+/// Throws InvalidInput if the number of values is wrong.
+MorphShape with_identity(const MorphShape& shape, const Eigen::VectorXd& identity);
 
 /// Parameters: rotation (world from model), translation (metre), then the shape's own blocks. The
 /// model is placed by p_world = R p_model + t.
 class MorphModel : public ParametricModel {
  public:
+  /// Throws InvalidInput if the shape is not valid.
   explicit MorphModel(MorphShape shape);
 
   const ParameterSpace& parameters() const override { return space_; }
@@ -57,8 +90,11 @@ class MorphModel : public ParametricModel {
   static constexpr int first_shape_block = 2;
 
  private:
+  struct Tables;  // the fields again, laid out for the two loops
+
   MorphShape shape_;
   ParameterSpace space_;
+  std::shared_ptr<const Tables> tables_;
 };
 
 }  // namespace semblance

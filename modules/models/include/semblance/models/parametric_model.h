@@ -19,6 +19,12 @@ struct ModelLandmark {
   std::array<float, 3> barycentric{1, 0, 0};
 };
 
+/// The landmark's three vertices, numbered through the scene like the rows of a VertexJacobian
+/// (divided by three). Throws InvalidInput if the scene has no such triangle.
+std::array<int, 3> landmark_vertices(const ModelLandmark& landmark, const Scene& scene);
+/// Where the landmark is in the world, for a scene that the model was synthesized into.
+Eigen::Vector3d landmark_position(const ModelLandmark& landmark, const Scene& scene);
+
 /// Derivative of world positions with respect to the tangent parameters, for all vertices of the
 /// scene numbered through: entry (3 v + axis, p), in metres per unit of the parameter. Rows of a
 /// vertex are contiguous.
@@ -35,14 +41,14 @@ class ParametricModel {
   virtual const ParameterSpace& parameters() const = 0;
 
   /// Poses the model at x in `scene`: sets up `scene.objects` where they are not this model's yet
-  /// (their mesh pointers differ), and writes positions and normals. Materials, light and background
-  /// of a scene that is already set up are left alone.
+  /// (their mesh pointers differ), and writes positions and normals. Materials, light and
+  /// background of a scene that is already set up are left alone.
   virtual void synthesize(const Eigen::VectorXd& x, Scene& scene) const = 0;
 
   /// Writes the columns of d(positions)/d(tangent) named by `tangent_columns` (column i of `out` is
   /// parameter tangent_columns[i]) and returns true, or returns false if the model has no
-  /// derivatives. `vertices`, where not null, lists the only vertices whose rows are needed; other
-  /// rows are left as they are.
+  /// derivatives. `out` is resized where its size differs. `vertices`, where not null, lists the
+  /// only vertices whose rows are needed; other rows are left as they are.
   virtual bool vertex_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
                                const std::vector<int>* vertices, VertexJacobian& out) const {
     (void)x, (void)tangent_columns, (void)vertices, (void)out;
