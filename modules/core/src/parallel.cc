@@ -1,5 +1,6 @@
 #include "semblance/core/parallel.h"
 
+#include <tbb/global_control.h>
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -14,8 +15,12 @@ namespace semblance {
 namespace {
 
 struct Pool {
-  explicit Pool(int thread_count) : threads(thread_count), arena(thread_count) {}
+  explicit Pool(int thread_count)
+      : threads(thread_count),
+        limit(tbb::global_control::max_allowed_parallelism, thread_count),
+        arena(thread_count) {}
   int threads;
+  tbb::global_control limit;  // lifts TBB's own limit where more threads than cores are wanted
   tbb::task_arena arena;
 };
 
