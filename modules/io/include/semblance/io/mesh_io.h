@@ -9,12 +9,15 @@
 namespace semblance {
 
 /// A mesh as a file has it, with what is needed to attach data given per vertex of the file.
+/// Polygons are fanned into triangles (halves without area left out), vertices are in the file's
+/// order, doubled along uv seams, and left out where no face uses them. There are uvs only if every
+/// face has them.
 struct MeshFile {
-  Mesh mesh;                       // polygons fanned into triangles, vertices doubled along uv seams
-  std::vector<int> file_vertex;    // for each vertex of `mesh`, its index in the file
+  Mesh mesh;
+  std::vector<int> file_vertex;  // for each vertex of `mesh`, its index in the file
   int file_vertex_count = 0;
-  std::vector<std::string> materials;       // names in order of first use, possibly empty
-  std::vector<int> triangle_material;       // per triangle, index into `materials` or -1
+  std::vector<std::string> materials;  // names in order of first use, possibly empty
+  std::vector<int> triangle_material;  // per triangle, index into `materials` or -1
 };
 
 /// Wavefront OBJ. Units are the file's own. Throws InvalidInput naming file and line.

@@ -1,0 +1,355 @@
+#include "semblance/io/video.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <optional>
+
+#include "semblance/core/atomic_file.h"
+#include "semblance/core/conventions.h"
+#include "semblance/core/errors.h"
+
+namespace semblance {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The most pixels of a side that is believed; beyond it the header is taken for damaged.
+constexpr int largest_side = 16384;
+/// A container may count frames that hold nothing to show: this many may be missing.
+constexpr int tolerated_missing_frames = 2;
+
+/// OpenCV and FFmpeg write to stderr on their own; every failure is thrown here instead.
+void silence_libraries() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+    if (std::getenv("OPENCV_LOG_LEVEL") == nullptr) {
+      cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    }
+  });
+}
+
+bool is_image_name(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+void check_size(const std::string& source, int width, int height) {
+  if (width > 0 && height > 0 && width <= largest_side && height <= largest_side) return;
+  throw InvalidInput(
+      fmt::format("{}: has frames of {} x {} pixels; between 1 and {} in each "
+                  "direction were expected. The file may be damaged",
+                  source, width, height, largest_side));
+}
+
+void copy_rgb(const cv::Mat& bgr, Rgb8& frame) {
+  frame.width = bgr.cols;
+  frame.height = bgr.rows;
+  frame.data.resize(static_cast<std::size_t>(bgr.cols) * bgr.rows * 3);
+  cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, frame.data.data());
+  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+}
+
+/// Where frames come from: one function, false at the end.
+class Reader {
+ public:
+  virtual ~Reader() = default;
+  virtual bool read(Rgb8& frame) = 0;
+  /// Passes over one frame.
+  virtual bool skip() = 0;
+};
+
+class FileReader : public Reader {
+ public:
+  FileReader(const std::string& path, VideoInfo& info) : path_(path) {
+    bool opened = false;
+    try {
+      opened = capture_.open(path, cv::CAP_FFMPEG);
+    } catch (const cv::Exception&) {
+      opened = false;
+    }
+    if (!opened) {
+      throw InvalidInput(path +
+                         ": is not a video that can be decoded; an .mp4, .avi, .mkv or "
+                         ".webm file, or a folder of PNG or JPEG images, was expected");
+    }
+    info.width = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_WIDTH));
+    info.height = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_HEIGHT));
+    const double rate = capture_.get(cv::CAP_PROP_FPS);
+    info.frames_per_second = std::isfinite(rate) && rate > 0.0 && rate < 1e5 ? rate : 0.0;
+    const double count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
+    info.frame_count = count > 0.0 && count < 1e9 ? static_cast<int>(count) : 0;
+    check_size(path, info.width, info.height);
+    info_ = &info;
+  }
+
+  bool read(Rgb8& frame) override {
+    if (!grab()) return false;
+    if (!capture_.retrieve(bgr_) || bgr_.empty() || bgr_.type() != CV_8UC3) {
+      throw InvalidInput(fmt::format("{}: frame {} cannot be decoded", path_, position_ - 1));
+    }
+    copy_rgb(bgr_, frame);
+    return true;
+  }
+
+  bool skip() override { return grab(); }
+
+ private:
+  bool grab() {
+    if (!capture_.grab()) {
+      check_complete();
+      return false;
+    }
+    ++position_;
+    return true;
+  }
+
+  void check_complete() const {
+    if (position_ == 0) throw InvalidInput(path_ + ": holds no frame that can be decoded");
+    if (position_ + tolerated_missing_frames >= info_->frame_count) return;
+    throw InvalidInput(
+        fmt::format("{}: decoding ends after frame {} of {}: the file is damaged or "
+                    "cut off. Copy it again, or cut it to its whole part with ffmpeg",
+                    path_, position_ - 1, info_->frame_count));
+  }
+
+  std::string path_;
+  const VideoInfo* info_ = nullptr;
+  cv::VideoCapture capture_;
+  cv::Mat bgr_;
+  int position_ = 0;
+};
+
+class FolderReader : public Reader {
+ public:
+  FolderReader(const std::string& path, VideoInfo& info) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(path, error)) {
+      if (entry.is_regular_file(error) && is_image_name(entry.path())) {
+        files_.push_back(entry.path().string());
+      }
+    }
+    if (error) throw IoError(path + ": cannot be listed: " + error.message());
+    if (files_.empty()) {
+      throw InvalidInput(path +
+                         ": the folder has no images; PNG or JPEG files, in the order of "
+                         "their names, were expected");
+    }
+    std::sort(files_.begin(), files_.end());
+    Rgb8 first;
+    decode(0, first);
+    info.width = width_ = first.width;
+    info.height = height_ = first.height;
+    info.frame_count = static_cast<int>(files_.size());
+  }
+
+  bool read(Rgb8& frame) override {
+    if (next_ == files_.size()) return false;
+    decode(next_++, frame);
+    return true;
+  }
+
+  bool skip() override {
+    if (next_ == files_.size()) return false;
+    ++next_;
+    return true;
+  }
+
+ private:
+  void decode(std::size_t index, Rgb8& frame) const {
+    const std::string& file = files_[index];
+    cv::Mat bgr;
+    try {
+      bgr = cv::imread(file, cv::IMREAD_COLOR);
+    } catch (const cv::Exception&) {
+      bgr.release();
+    }
+    if (bgr.empty()) {
+      throw InvalidInput(
+          fmt::format("{}: (frame {}) is not an image that can be decoded", file, index));
+    }
+    check_size(file, bgr.cols, bgr.rows);
+    if (width_ != 0 && (bgr.cols != width_ || bgr.rows != height_)) {
+      throw InvalidInput(
+          fmt::format("{}: (frame {}) has {} x {} pixels, but the first image has "
+                      "{} x {}; all must have the same size",
+                      file, index, bgr.cols, bgr.rows, width_, height_));
+    }
+    copy_rgb(bgr, frame);
+  }
+
+  std::vector<std::string> files_;
+  std::size_t next_ = 0;
+  int width_ = 0, height_ = 0;
+};
+
+}  // namespace
+
+struct VideoSource::Impl {
+  VideoInfo info;
+  std::unique_ptr<Reader> reader;
+  std::optional<Rgb8> first;  // decoded when opening, to know that there is one
+  int position = 0;
+};
+
+VideoSource::VideoSource(const std::string& path) : impl_(std::make_unique<Impl>()) {
+  silence_libraries();
+  impl_->info.path = path;
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) throw IoError(path + ": cannot be opened: no such file or folder");
+  if (fs::is_directory(status)) {
+    impl_->reader = std::make_unique<FolderReader>(path, impl_->info);
+  } else if (fs::is_regular_file(status)) {
+    if (fs::file_size(path, error) == 0) throw InvalidInput(path + ": the file is empty");
+    impl_->reader = std::make_unique<FileReader>(path, impl_->info);
+  } else {
+    throw InvalidInput(path + ": is neither a file nor a folder");
+  }
+  impl_->first.emplace();
+  if (!impl_->reader->read(*impl_->first)) throw InvalidInput(path + ": holds no frame");
+  check_size(path, impl_->first->width, impl_->first->height);
+  // Rotated recordings are delivered upright, whatever the header says of the size.
+  impl_->info.width = impl_->first->width;
+  impl_->info.height = impl_->first->height;
+}
+
+VideoSource::~VideoSource() = default;
+VideoSource::VideoSource(VideoSource&&) noexcept = default;
+
+const VideoInfo& VideoSource::info() const { return impl_->info; }
+
+int VideoSource::position() const { return impl_->position; }
+
+bool VideoSource::next(Rgb8& frame) {
+  if (impl_->first) {
+    frame = std::move(*impl_->first);
+    impl_->first.reset();
+  } else if (!impl_->reader->read(frame)) {
+    return false;
+  }
+  if (frame.width != impl_->info.width || frame.height != impl_->info.height) {
+    throw InvalidInput(fmt::format("{}: frame {} has {} x {} pixels, but the first has {} x {}",
+                                   impl_->info.path, impl_->position, frame.width, frame.height,
+                                   impl_->info.width, impl_->info.height));
+  }
+  ++impl_->position;
+  return true;
+}
+
+void VideoSource::skip_to(int index) {
+  if (index < impl_->position) {
+    throw InvalidInput(fmt::format("{}: cannot go back from frame {} to {}", impl_->info.path,
+                                   impl_->position, index));
+  }
+  while (impl_->position < index) {
+    if (impl_->first) {
+      impl_->first.reset();
+    } else if (!impl_->reader->skip()) {
+      throw InvalidInput(fmt::format("{}: there is no frame {}; the video has {}", impl_->info.path,
+                                     index, impl_->position));
+    }
+    ++impl_->position;
+  }
+}
+
+Image linear_from_rgb8(const Rgb8& image) {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> values{};
+    for (int i = 0; i < 256; ++i) values[i] = linear_from_srgb(static_cast<float>(i) / 255.0f);
+    return values;
+  }();
+  Image linear(image.width, image.height, 3);
+  for (std::size_t i = 0; i < image.data.size(); ++i) linear.data[i] = table[image.data[i]];
+  return linear;
+}
+
+Rgb8 rgb8_from_linear(const Image& image) {
+  if (image.channels != 3) {
+    throw InvalidInput(
+        fmt::format("an image of {} channels cannot be written; 3 were expected", image.channels));
+  }
+  Rgb8 encoded{image.width, image.height, std::vector<std::uint8_t>(image.data.size())};
+  for (std::size_t i = 0; i < image.data.size(); ++i) {
+    encoded.data[i] =
+        static_cast<std::uint8_t>(std::lround(255.0f * srgb_from_linear(image.data[i])));
+  }
+  return encoded;
+}
+
+struct VideoWriter::Impl {
+  Impl(const std::string& path, int width_in, int height_in)
+      : file(path), width(width_in), height(height_in) {}
+
+  AtomicFile file;
+  int width = 0, height = 0;
+  cv::VideoWriter writer;
+  cv::Mat bgr;
+};
+
+VideoWriter::VideoWriter(const std::string& path, int width, int height, double frames_per_second) {
+  silence_libraries();
+  check_size(path, width, height);
+  if (!(frames_per_second > 0.0) || frames_per_second > 1e4) {
+    throw InvalidInput(fmt::format("{}: {} frames per second; a positive rate was expected", path,
+                                   frames_per_second));
+  }
+  const std::string extension = fs::path(path).extension().string();
+  if (extension != ".mp4" && extension != ".avi") {
+    throw InvalidInput(path + ": a video is written as .mp4 (H.264) or .avi (MJPG)");
+  }
+  impl_ = std::make_unique<Impl>(path, width, height);
+  const int codec = extension == ".mp4" ? cv::VideoWriter::fourcc('a', 'v', 'c', '1')
+                                        : cv::VideoWriter::fourcc('M', 'J', 'P', 'G');
+  // Chroma is kept at half the resolution, so H.264 takes even sizes only.
+  const cv::Size padded(width + width % 2, height + height % 2);
+  bool opened = false;
+  try {
+    opened = impl_->writer.open(impl_->file.temporary_path().string(), cv::CAP_FFMPEG, codec,
+                                frames_per_second, padded);
+  } catch (const cv::Exception&) {
+    opened = false;
+  }
+  if (!opened) {
+    throw IoError(path + ": the video encoder cannot be started; OpenCV needs FFmpeg with " +
+                  (extension == ".mp4" ? "libx264" : "MJPEG"));
+  }
+}
+
+VideoWriter::~VideoWriter() = default;
+
+void VideoWriter::write(const Rgb8& frame) {
+  if (frame.width != impl_->width || frame.height != impl_->height) {
+    throw InvalidInput(fmt::format("{}: a frame of {} x {} pixels was given; {} x {} were expected",
+                                   impl_->file.path().string(), frame.width, frame.height,
+                                   impl_->width, impl_->height));
+  }
+  const cv::Mat rgb(frame.height, frame.width, CV_8UC3,
+                    const_cast<std::uint8_t*>(frame.data.data()));
+  cv::cvtColor(rgb, impl_->bgr, cv::COLOR_RGB2BGR);
+  if (frame.width % 2 != 0 || frame.height % 2 != 0) {
+    cv::copyMakeBorder(impl_->bgr, impl_->bgr, 0, frame.height % 2, 0, frame.width % 2,
+                       cv::BORDER_REPLICATE);
+  }
+  impl_->writer.write(impl_->bgr);
+}
+
+void VideoWriter::close() {
+  impl_->writer.release();
+  impl_->file.commit();
+}
+
+}  // namespace semblance
