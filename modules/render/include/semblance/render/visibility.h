@@ -31,18 +31,23 @@ struct PixelRect {
 /// Our visibility-buffer rasteriser. Keeps its buffers between calls, so one per thread.
 class Rasteriser {
  public:
-  Rasteriser();
+  /// Both kinds of instructions give the same bits; `portable` exists to test that.
+  enum class Instructions { best, portable };
+  explicit Rasteriser(Instructions instructions = Instructions::best);
   ~Rasteriser();
   Rasteriser(Rasteriser&&) noexcept;
   Rasteriser& operator=(Rasteriser&&) noexcept;
 
   /// Fills `out` with the pixels whose centre sees a surface of the scene, nearest first where
   /// surfaces overlap (the lower triangle number wins a tie), clipped to `region` (the whole image
-  /// when null). Triangles that reach behind the near plane (1 mm) are left out.
+  /// when null). Triangles that reach behind the near plane (1 mm), or more than a million pixels
+  /// away, are left out. Every pixel centre on an edge belongs to one of the triangles that share
+  /// it (vertices are rounded to 1/1024 pixel, edges are exact). Throws InvalidInput for a
+  /// distorted camera and for objects whose positions do not fit their mesh.
   void visible_pixels(const Scene& scene, const Camera& camera, const PixelRect* region,
                       VisiblePixels& out);
   /// The last call's projected vertices: (x_px, y_px, depth_m) per vertex, numbered through the
-  /// scene's objects; not finite for vertices behind the near plane.
+  /// scene's objects; not finite for vertices left out.
   std::span<const float> projected_vertices() const;
 
  private:

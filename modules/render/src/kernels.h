@@ -1,0 +1,84 @@
+// The wide loops behind rasteriser and shading, in two builds of the same source (kernels.inc): one
+// for any processor, one for those with AVX2. Plain pointers only, so that no inline function of
+// another library is compiled with AVX2 and then linked in its place elsewhere.
+#pragma once
+
+#include <stdint.h>
+
+namespace semblance {
+
+/// Screen coordinates are integers of 1/1024 pixel, counted from the first pixel's centre.
+constexpr int subpixel_bits = 10;
+constexpr int subpixel_one = 1 << subpixel_bits;
+/// Triangles no wider and higher than this are set up eight at a time with 32-bit edge functions.
+constexpr int small_extent = 31 * subpixel_one;
+
+/// A vertex on the screen. inverse_z is 0 where it cannot be projected.
+struct alignas(16) ScreenVertex {
+  int32_t x, y;
+  float inverse_z;
+  float unused;
+};
+
+/// A triangle's barycentrics times 1/z as linear functions of the pixel: b1 = (b1_x dx + b1_y dy) z
+/// with dx, dy measured in pixels from (x0, y0), the pixel-centred position of corner 0.
+struct alignas(32) TrianglePlanes {
+  float b1_x, b1_y, b2_x, b2_y, x0, y0, unused[2];
+};
+
+struct ProjectArgs {
+  const float* positions;  // rows of 3, world frame
+  int64_t count;
+  float rotation[9], translation[3];  // camera from world, row-major
+  float focal_x, focal_y, principal_x, principal_y;
+  ScreenVertex* vertices;              // room for a multiple of 8
+  float* projected;                    // rows of 3, room for a multiple of 8 and one float more
+  int32_t min_x, min_y, max_x, max_y;  // in and out: bounds of the vertices that project
+};
+
+/// What the nearest surface at a pixel is, in one word of which the largest wins: 1/z in the high
+/// half, the complement of the triangle's number in the low half. 0 where nothing is seen.
+using PixelKey = uint64_t;
+
+struct RasteriseArgs {
+  const int32_t* triangles;  // rows of 3
+  int64_t count;
+  const ScreenVertex* vertices;
+  TrianglePlanes* planes;  // of the object's first triangle; room for a multiple of 8
+  int32_t first_id;
+  int32_t x0, y0, x1, y1;  // pixels drawn
+  PixelKey* keys;          // of pixel (x0, y0), rows of x1 - x0
+  int32_t* large;          // out: rows of `triangles` too large for this kernel, room for `count`
+  int64_t large_count;     // out
+};
+
+struct CompactArgs {
+  PixelKey* keys;  // read and set back to 0
+  int32_t width, height, x0, y0;
+  // Out, room for width * height + 8 each.
+  int32_t* triangle;
+  float *inverse_z, *x, *y;
+};
+
+struct ResolveArgs {
+  int64_t count;
+  int32_t image_width;
+  const int32_t* triangle;
+  const float *inverse_z, *x, *y;
+  const TrianglePlanes* planes;
+  int32_t* pixel;
+  float *b1, *b2, *depth;
+};
+
+struct Kernels {
+  void (*project)(ProjectArgs& args);
+  void (*rasterise)(RasteriseArgs& args);
+  int64_t (*compact)(const CompactArgs& args);
+  void (*resolve)(const ResolveArgs& args);
+};
+
+const Kernels& portable_kernels();
+/// Those for the processor this runs on.
+const Kernels& best_kernels();
+
+}  // namespace semblance
