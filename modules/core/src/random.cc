@@ -30,9 +30,21 @@ double Random::uniform(double lower, double upper) {
 }
 
 double Random::normal() {
-  // Box and Muller 1958; 1 - u is never 0.
-  const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));
-  return radius * std::cos(2.0 * M_PI * uniform());
+  if (spare_normal_) {
+    const double value = *spare_normal_;
+    spare_normal_.reset();
+    return value;
+  }
+  // The polar method (Marsaglia and Bray 1964) gives two at a time.
+  double x = 0.0, y = 0.0, squared = 0.0;
+  do {
+    x = 2.0 * uniform() - 1.0;
+    y = 2.0 * uniform() - 1.0;
+    squared = x * x + y * y;
+  } while (squared >= 1.0 || squared == 0.0);
+  const double scale = std::sqrt(-2.0 * std::log(squared) / squared);
+  spare_normal_ = y * scale;
+  return x * scale;
 }
 
 int Random::integer(int count) {

@@ -36,7 +36,8 @@ struct Camera {
 Eigen::Vector2d project(const Camera& camera, const Eigen::Vector3d& point_camera_m);
 /// Pixel of a point given in the world frame.
 Eigen::Vector2d project_world(const Camera& camera, const Eigen::Vector3d& point_world_m);
-/// Direction with z = 1 in the camera frame that projects to the pixel.
+/// Direction with z = 1 in the camera frame that projects to the pixel; x and y are NaN where the
+/// lens shows no direction (beyond the fold of a strong barrel distortion).
 Eigen::Vector3d unproject(const Camera& camera, const Eigen::Vector2d& point_px);
 
 /// Throws InvalidInput, naming `source`, unless every figure is finite and the size and focal

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <random>
 
 namespace semblance {
@@ -22,6 +23,7 @@ class Random {
 
  private:
   std::mt19937_64 engine_;
+  std::optional<double> spare_normal_;
 };
 
 }  // namespace semblance
