@@ -1,0 +1,34 @@
+// An observed image prepared for comparison.
+#pragma once
+
+#include <vector>
+
+#include "semblance/core/image.h"
+
+namespace semblance {
+
+/// Comparison happens on the square root of linear intensity: shot noise and the eye are about even
+/// on that scale, and the root of albedo times light is the product of roots.
+float encode_intensity(float linear);
+
+/// One level of an image pyramid. Per pixel 12 floats: encoded red, green, blue, 0, their
+/// derivatives in x (per pixel), 0, their derivatives in y, 0. Derivatives are central differences
+/// at the pixel's centre (one-sided ones stall the solver at 0.4 px).
+struct ObservationLevel {
+  int width = 0, height = 0;
+  double scale = 1.0;  // pixels of this level per pixel of the full image
+  std::vector<float> records;
+
+  const float* record(int pixel) const { return records.data() + std::size_t{12} * pixel; }
+};
+
+/// Pyramid of an image: level 0 is the full size, each further one half.
+struct Observation {
+  Image linear;
+  std::vector<ObservationLevel> levels;
+};
+
+/// Throws InvalidInput unless the image has three channels and at least 8 x 8 pixels.
+Observation make_observation(Image linear_rgb, int level_count);
+
+}  // namespace semblance

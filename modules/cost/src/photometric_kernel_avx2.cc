@@ -1,0 +1,14 @@
+// Compiled with -mavx2 -mfma (see CMakeLists.txt); called only where the processor has both.
+#include "photometric_kernel.h"
+
+#if defined(__x86_64__)
+namespace semblance::detail {
+
+namespace {
+#include "photometric_kernel.inc"
+}  // namespace
+
+const Kernel avx2_kernel = {shade, compare, linearize};
+
+}  // namespace semblance::detail
+#endif

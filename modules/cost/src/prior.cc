@@ -1,0 +1,40 @@
+#include "semblance/cost/prior.h"
+
+#include <cmath>
+
+namespace semblance {
+
+PriorCost::PriorCost(Eigen::VectorXd mean, Eigen::VectorXd tangent_sigma)
+    : mean_(std::move(mean)), information_(tangent_sigma.unaryExpr([](double sigma) {
+        return std::isfinite(sigma) ? 1.0 / (sigma * sigma) : 0.0;
+      })) {}
+
+namespace {
+
+Eigen::VectorXd declared_sigma(const ParameterSpace& space) {
+  Eigen::VectorXd sigma(space.tangent_size());
+  for (std::size_t b = 0; b < space.blocks().size(); ++b) {
+    const ParameterBlock& block = space.blocks()[b];
+    sigma.segment(space.tangent_offset(static_cast<int>(b)), ParameterSpace::tangent_size(block)) =
+        block.prior_sigma;
+  }
+  return sigma;
+}
+
+}  // namespace
+
+PriorCost::PriorCost(const ParameterSpace& space)
+    : PriorCost(space.initial(), declared_sigma(space)) {}
+
+double PriorCost::evaluate(const Synthesis& synthesis, SurfaceEquations* surface,
+                           NormalEquations* direct) const {
+  (void)surface;
+  const Eigen::VectorXd d = synthesis.space.minus(synthesis.x, mean_);
+  if (direct != nullptr) {
+    direct->gradient += information_.cwiseProduct(d);
+    direct->hessian.diagonal() += information_;
+  }
+  return 0.5 * d.cwiseAbs2().dot(information_);
+}
+
+}  // namespace semblance

@@ -1,0 +1,184 @@
+#include "semblance/pipeline/synthesis_objective.h"
+
+#include <cmath>
+#include <limits>
+#include <mutex>
+
+namespace semblance {
+
+struct SynthesisWorkspace::Buffers {
+  explicit Buffers(const SurfaceTopology* topology) : equations(topology) {}
+  Scene scene;
+  Rasteriser rasteriser;
+  VisiblePixels pixels;
+  SurfaceEquations equations;
+  VertexJacobian jacobian;
+  SurfaceEquations::Motion motion;
+};
+
+struct SynthesisWorkspace::Pool {
+  std::mutex mutex;
+  std::vector<std::unique_ptr<Buffers>> idle;
+};
+
+SynthesisWorkspace::SynthesisWorkspace(const ParametricModel& model, const SurfaceTopology& topology)
+    : model_(model), topology_(topology), pool_(std::make_unique<Pool>()) {}
+
+SynthesisWorkspace::~SynthesisWorkspace() = default;
+
+std::unique_ptr<SynthesisWorkspace::Buffers> SynthesisWorkspace::acquire() {
+  const std::lock_guard lock(pool_->mutex);
+  if (pool_->idle.empty()) return std::make_unique<Buffers>(&topology_);
+  std::unique_ptr<Buffers> buffers = std::move(pool_->idle.back());
+  pool_->idle.pop_back();
+  return buffers;
+}
+
+void SynthesisWorkspace::release(std::unique_ptr<Buffers> buffers) {
+  const std::lock_guard lock(pool_->mutex);
+  pool_->idle.push_back(std::move(buffers));
+}
+
+SurfaceTopology topology_of(const ParametricModel& model) {
+  Scene scene;
+  model.synthesize(model.parameters().initial(), scene);
+  Eigen::Index count = 0;
+  for (const SceneObject& object : scene.objects) count += object.mesh->triangle_count();
+  SurfaceTopology::Triangles triangles(count, 3);
+  Eigen::Index row = 0;
+  int first_vertex = 0;
+  for (const SceneObject& object : scene.objects) {
+    triangles.middleRows(row, object.mesh->triangle_count()) =
+        object.mesh->triangles.array() + first_vertex;
+    row += object.mesh->triangle_count();
+    first_vertex += static_cast<int>(object.mesh->vertex_count());
+  }
+  return SurfaceTopology(triangles);
+}
+
+namespace {
+
+ParameterSpace subspace(const ParameterSpace& space, const std::vector<int>& blocks) {
+  std::vector<ParameterBlock> kept;
+  for (int b : blocks) kept.push_back(space.blocks()[static_cast<std::size_t>(b)]);
+  return ParameterSpace(std::move(kept));
+}
+
+/// Lends buffers for a scope.
+class Lease {
+ public:
+  explicit Lease(SynthesisWorkspace& workspace)
+      : workspace_(workspace), buffers_(workspace.acquire()) {}
+  ~Lease() { workspace_.release(std::move(buffers_)); }
+  Lease(const Lease&) = delete;
+  SynthesisWorkspace::Buffers* operator->() { return buffers_.get(); }
+
+ private:
+  SynthesisWorkspace& workspace_;
+  std::unique_ptr<SynthesisWorkspace::Buffers> buffers_;
+};
+
+}  // namespace
+
+SynthesisObjective::SynthesisObjective(SynthesisWorkspace& workspace, Eigen::VectorXd base,
+                                       const std::vector<int>& free_blocks, const ShLight& light,
+                                       const Camera& camera, std::vector<const Cost*> costs)
+    : workspace_(workspace),
+      base_(std::move(base)),
+      free_blocks_(free_blocks),
+      space_(subspace(workspace.model().parameters(), free_blocks)),
+      light_(light),
+      camera_(camera),
+      costs_(std::move(costs)) {
+  const ParameterSpace& all = workspace_.model().parameters();
+  for (int b : free_blocks_) {
+    const int size = ParameterSpace::tangent_size(all.blocks()[static_cast<std::size_t>(b)]);
+    for (int k = 0; k < size; ++k) {
+      tangent_columns_.push_back(static_cast<int>(all.tangent_offset(b)) + k);
+    }
+  }
+}
+
+Eigen::VectorXd SynthesisObjective::restrict_to_free(const Eigen::VectorXd& whole) const {
+  const ParameterSpace& all = workspace_.model().parameters();
+  Eigen::VectorXd out(space_.size());
+  for (std::size_t i = 0; i < free_blocks_.size(); ++i) {
+    const int size = space_.blocks()[i].size;
+    out.segment(space_.offset(static_cast<int>(i)), size) =
+        whole.segment(all.offset(free_blocks_[i]), size);
+  }
+  return out;
+}
+
+Eigen::VectorXd SynthesisObjective::full(const Eigen::VectorXd& x) const {
+  const ParameterSpace& all = workspace_.model().parameters();
+  Eigen::VectorXd out = base_;
+  for (std::size_t i = 0; i < free_blocks_.size(); ++i) {
+    const int size = space_.blocks()[i].size;
+    out.segment(all.offset(free_blocks_[i]), size) =
+        x.segment(space_.offset(static_cast<int>(i)), size);
+  }
+  return out;
+}
+
+void SynthesisObjective::with_synthesis(const Eigen::VectorXd& x,
+                                        const std::function<void(const Synthesis&)>& use) const {
+  Lease buffers(workspace_);
+  workspace_.model().synthesize(full(x), buffers->scene);
+  buffers->scene.light = light_;
+  buffers->rasteriser.visible_pixels(buffers->scene, camera_, nullptr, buffers->pixels);
+  use({space_, x, buffers->scene, camera_, buffers->pixels,
+       buffers->rasteriser.projected_vertices()});
+}
+
+double SynthesisObjective::evaluate(const Eigen::VectorXd& x) const {
+  double total = 0.0;
+  with_synthesis(x, [&](const Synthesis& synthesis) {
+    for (const Cost* cost : costs_) total += cost->evaluate(synthesis, nullptr, nullptr);
+  });
+  return std::isfinite(total) ? total : std::numeric_limits<double>::infinity();
+}
+
+bool SynthesisObjective::normal_equations(const Eigen::VectorXd& x, NormalEquations& out) const {
+  out.reset(space_.tangent_size());
+  Lease buffers(workspace_);
+  const Eigen::VectorXd whole = full(x);
+  workspace_.model().synthesize(whole, buffers->scene);
+  buffers->scene.light = light_;
+  buffers->rasteriser.visible_pixels(buffers->scene, camera_, nullptr, buffers->pixels);
+  const std::span<const float> projected = buffers->rasteriser.projected_vertices();
+  const Synthesis synthesis{space_,  x, buffers->scene, camera_, buffers->pixels, projected};
+  buffers->equations.reset();
+  for (const Cost* cost : costs_) {
+    out.cost += cost->evaluate(synthesis, &buffers->equations, &out);
+  }
+  if (!std::isfinite(out.cost)) return false;
+
+  const std::vector<int>& vertices = buffers->equations.touched_vertices();
+  if (!workspace_.model().vertex_jacobian(whole, tangent_columns_, &vertices, buffers->jacobian)) {
+    return Objective::normal_equations(x, out);
+  }
+  const auto columns = static_cast<Eigen::Index>(tangent_columns_.size());
+  buffers->motion.resize(2 * static_cast<Eigen::Index>(vertices.size()), columns);
+  const Eigen::Matrix3f rotation =
+      camera_.camera_from_world.rotation.toRotationMatrix().cast<float>();
+  const auto fx = static_cast<float>(camera_.focal_px.x());
+  const auto fy = static_cast<float>(camera_.focal_px.y());
+  const auto cx = static_cast<float>(camera_.principal_px.x());
+  const auto cy = static_cast<float>(camera_.principal_px.y());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const float* p = projected.data() + 3 * std::ptrdiff_t{vertices[i]};
+    const float inverse_depth = 1.0f / p[2];
+    // Pixel = f X/Z + c, so d(pixel) = (f dX - (pixel - c) dZ) / Z.
+    Eigen::Matrix<float, 2, 3> pixel_from_camera;
+    pixel_from_camera << fx, 0.0f, cx - p[0], 0.0f, fy, cy - p[1];
+    const Eigen::Matrix<float, 2, 3> pixel_from_world = inverse_depth * pixel_from_camera * rotation;
+    const auto moved = buffers->jacobian.middleRows(3 * Eigen::Index{vertices[i]}, 3);
+    buffers->motion.middleRows(2 * static_cast<Eigen::Index>(i), 2).noalias() =
+        pixel_from_world.lazyProduct(moved);
+  }
+  buffers->equations.assemble(buffers->motion, 1.0, out);
+  return true;
+}
+
+}  // namespace semblance

@@ -1,0 +1,226 @@
+#include "semblance/face/face_fitter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "face_parts.h"
+#include "semblance/core/errors.h"
+#include "semblance/core/parallel.h"
+#include "semblance/cost/landmark.h"
+#include "semblance/cost/prior.h"
+
+namespace semblance {
+
+namespace {
+
+constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
+// Where the cascade's box lies on a face, measured over the box of the generic face's renderings.
+constexpr double kBoxEyeDistance = 0.42, kBoxEyeHeight = 0.40;
+constexpr int kTextureSize = 256;
+constexpr std::size_t kRefinedStarts = 6;
+
+std::vector<int> pose_blocks() { return {0, 1}; }
+
+std::vector<int> all_blocks(const MorphModel& model) {
+  std::vector<int> blocks;
+  for (std::size_t b = 0; b < model.parameters().blocks().size(); ++b) {
+    blocks.push_back(static_cast<int>(b));
+  }
+  return blocks;
+}
+
+/// Distance between the eyes in pixels for the depth at x.
+double eye_distance_px(const Camera& camera, const Eigen::VectorXd& x) {
+  const Eigen::Vector3d p = camera.camera_from_world * Eigen::Vector3d(x.segment<3>(4));
+  return camera.focal_px.x() * kEyeDistance_m / std::max(p.z(), 1e-3);
+}
+
+/// Pyramid level at which the eyes are about `wanted_px` apart.
+int level_for(const Observation& observation, double eyes_px, double wanted_px) {
+  const int level = static_cast<int>(std::floor(std::log2(std::max(eyes_px / wanted_px, 1.0))));
+  return std::min(level, static_cast<int>(observation.levels.size()) - 1);
+}
+
+}  // namespace
+
+void set_pose(const ParameterSpace& space, const Camera& camera, const Eigen::Vector2d& eyes_px,
+              double eyes_apart_px, const Eigen::Quaterniond& world_from_model,
+              Eigen::VectorXd& x) {
+  const double depth_m = camera.focal_px.x() * kEyeDistance_m / eyes_apart_px;
+  const Eigen::Vector3d place =
+      camera.camera_from_world.inverse() * Eigen::Vector3d(unproject(camera, eyes_px) * depth_m);
+  x.segment<4>(space.offset(0)) << world_from_model.w(), world_from_model.vec();
+  x.segment<3>(space.offset(1)) = place;
+}
+
+FaceFitter::FaceFitter(const MorphModel& model)
+    : model_(model),
+      topology_(topology_of(model)),
+      workspace_(model_, topology_),
+      appearance_(*model.shape().mesh, kTextureSize, vertex_albedo(model.shape()),
+                  vertex_confidence(model.shape())),
+      triangle_weight_(triangle_weights(model.shape(), topology_, colour_confidence)) {
+  // The confidence of the colours already is in the texture: here only what is unknown counts out.
+  for (float& weight : triangle_weight_) weight = weight > 0.0f ? 1.0f : 0.0f;
+}
+
+void FaceFitter::refine(const Observation& observation, const Camera& full_camera,
+                        const Stage& stage, const std::vector<FaceMark>& marks,
+                        FaceFit& fit) const {
+  const ObservationLevel& level = observation.levels[static_cast<std::size_t>(stage.level)];
+  const Camera camera = full_camera.scaled(level.scale);
+  const std::vector<int> free = stage.with_shape ? all_blocks(model_) : pose_blocks();
+  PhotometricOptions photometric;
+  photometric.sigma = stage.photometric_sigma;
+  photometric.robust_width = 2.0;
+  std::vector<LandmarkTarget> targets;
+  for (const FaceMark& mark : marks) {
+    const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
+    targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
+  }
+  const LandmarkCost landmarks(std::move(targets), &topology_, full_camera.width, 5.0);
+  OptimizerOptions options;
+  options.max_iterations = stage.iterations;
+  options.step_tolerance = 3e-3;
+  const auto optimizer = make_optimizer("lm", options);
+  for (int round = 0; round < stage.rounds; ++round) {
+    const SynthesisObjective probe(workspace_, fit.x, free, fit.light, camera, {});
+    probe.with_synthesis(probe.restrict_to_free(fit.x), [&](const Synthesis& synthesis) {
+      photometric.texture_level = matching_texture_level(synthesis, appearance_, topology_);
+      photometric.reference_pixels = static_cast<double>(synthesis.pixels.size());
+      const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
+      const std::vector<float> weight = cost.statistics(synthesis).pixel_weight;
+      const std::vector<float> flat(synthesis.pixels.size(), 1.0f);
+      fit.light = estimate_light(synthesis, level, appearance_, topology_,
+                                 round == 0 ? flat : weight, 0.02, 1);
+    });
+    const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
+    SynthesisObjective shape_of_prior(workspace_, fit.x, free, fit.light, camera, {});
+    const PriorCost prior(shape_of_prior.space());
+    std::vector<const Cost*> costs = {&cost, &prior};
+    if (!marks.empty()) costs.push_back(&landmarks);
+    const SynthesisObjective objective(workspace_, fit.x, free, fit.light, camera, costs);
+    const Solution solution =
+        optimizer->minimize(objective, objective.restrict_to_free(fit.x), silent_progress());
+    fit.x = objective.full(solution.x);
+    fit.cost = solution.cost;
+    objective.with_synthesis(solution.x, [&](const Synthesis& synthesis) {
+      fit.statistics = cost.statistics(synthesis);
+    });
+  }
+}
+
+FaceFit FaceFitter::finish(const Observation& observation, const Camera& camera,
+                           const std::vector<FaceMark>& marks, std::vector<FaceFit> starts,
+                           int coarse_level) const {
+  parallel_for(starts.size(), [&](std::size_t i) {
+    refine(observation, camera, {coarse_level, false, 0.15, 2, 6}, marks, starts[i]);
+    refine(observation, camera, {coarse_level, true, 0.12, 3, 6}, marks, starts[i]);
+  });
+  const auto best =
+      std::max_element(starts.begin(), starts.end(), [](const FaceFit& a, const FaceFit& b) {
+        return a.statistics.correlation < b.statistics.correlation;
+      });
+  if (best == starts.end() || !best->x.allFinite() || !(best->statistics.correlation > 0.2)) {
+    throw SolverError(
+        "no face could be fitted to the image: the best start explains nothing of it");
+  }
+  FaceFit fit = *best;
+  for (int level = coarse_level - 1; level >= 0; --level) {
+    refine(observation, camera, {level, true, 0.1, 3, 8}, marks, fit);
+  }
+  return fit;
+}
+
+FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
+                        const FaceBox& box) const {
+  const double apart = kBoxEyeDistance * box.width_px;
+  const int level_index = level_for(observation, apart, 16.0);
+  const ObservationLevel& level = observation.levels[static_cast<std::size_t>(level_index)];
+  const Camera small = camera.scaled(level.scale);
+  std::vector<FaceFit> starts;
+  for (double yaw : {-0.5, -0.25, 0.0, 0.25, 0.5}) {
+    for (double pitch : {-0.2, 0.0, 0.2}) {
+      for (double roll : {-0.2, 0.0, 0.2}) {
+        for (double scale : {0.88, 1.0, 1.14}) {
+          for (double shift : {-0.05, 0.05}) {
+            FaceFit start;
+            start.x = model_.parameters().initial();
+            const Eigen::Quaterniond q = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+                                         Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
+                                         Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX());
+            set_pose(
+                model_.parameters(), camera,
+                {box.x_px + 0.5 * box.width_px, box.y_px + (kBoxEyeHeight + shift) * box.height_px},
+                apart * scale, q, start.x);
+            starts.push_back(std::move(start));
+          }
+        }
+      }
+    }
+  }
+  parallel_for(starts.size(), [&](std::size_t i) {
+    FaceFit& start = starts[i];
+    const SynthesisObjective probe(workspace_, start.x, pose_blocks(), start.light, small, {});
+    const Eigen::VectorXd pose = probe.restrict_to_free(start.x);
+    PhotometricOptions options;
+    options.sigma = 0.15;
+    options.robust_width = 2.0;
+    probe.with_synthesis(pose, [&](const Synthesis& synthesis) {
+      if (synthesis.pixels.size() < 64) return;
+      options.texture_level = matching_texture_level(synthesis, appearance_, topology_);
+      start.light = estimate_light(synthesis, level, appearance_, topology_,
+                                   std::vector<float>(synthesis.pixels.size(), 1.0f), 0.02, 2);
+    });
+    const SynthesisObjective lit(workspace_, start.x, pose_blocks(), start.light, small, {});
+    const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, options);
+    lit.with_synthesis(
+        pose, [&](const Synthesis& synthesis) { start.statistics = cost.statistics(synthesis); });
+  });
+  const std::size_t kept = std::min(kRefinedStarts, starts.size());
+  std::partial_sort(starts.begin(), starts.begin() + static_cast<std::ptrdiff_t>(kept),
+                    starts.end(), [](const FaceFit& a, const FaceFit& b) {
+                      return a.statistics.correlation > b.statistics.correlation;
+                    });
+  starts.resize(kept);
+  return finish(observation, camera, {}, std::move(starts), level_index);
+}
+
+FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
+                        const std::vector<FaceMark>& marks) const {
+  if (marks.size() < 4) {
+    throw InvalidInput("a fit from points needs at least 4 of them, got " +
+                       std::to_string(marks.size()));
+  }
+  // Place the model so that the marks' centre and spread agree, then let the marks alone turn it.
+  Scene scene;
+  FaceFit start;
+  start.x = model_.parameters().initial();
+  model_.synthesize(start.x, scene);
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero(), model_centre = Eigen::Vector2d::Zero();
+  std::vector<Eigen::Vector2d> model_points;
+  for (const FaceMark& mark : marks) {
+    const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
+    const auto& corner = topology_.triangles[static_cast<std::size_t>(landmark.triangle)];
+    Eigen::Vector3f p = Eigen::Vector3f::Zero();
+    for (int k = 0; k < 3; ++k) {
+      p += landmark.barycentric[k] * scene.objects[0].positions_m.row(corner[k]).transpose();
+    }
+    model_points.emplace_back(p.x(), -p.y());
+    centre += mark.point_px / static_cast<double>(marks.size());
+    model_centre += model_points.back() / static_cast<double>(marks.size());
+  }
+  double spread = 0.0, model_spread = 0.0;
+  for (std::size_t i = 0; i < marks.size(); ++i) {
+    spread += (marks[i].point_px - centre).squaredNorm();
+    model_spread += (model_points[i] - model_centre).squaredNorm();
+  }
+  if (!(spread > 0.0)) throw InvalidInput("the points all lie in one place");
+  const double px_per_m = std::sqrt(spread / model_spread);
+  set_pose(model_.parameters(), camera, centre - model_centre * px_per_m, kEyeDistance_m * px_per_m,
+           Eigen::Quaterniond::Identity(), start.x);
+  const int level = level_for(observation, eye_distance_px(camera, start.x), 16.0);
+  return finish(observation, camera, marks, {start}, level);
+}
+
+}  // namespace semblance

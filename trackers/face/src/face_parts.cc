@@ -1,0 +1,88 @@
+#include "face_parts.h"
+
+#include <algorithm>
+
+namespace semblance {
+
+namespace {
+
+struct PartFacts {
+  Eigen::Vector3f albedo;
+  float confidence, weight;
+};
+
+// Ratios to the skin of the cheek, round figures that hold from light to dark skin well enough to
+// find the features; the first image replaces them.
+PartFacts facts(FacePart part) {
+  switch (part) {
+    case FacePart::skin:
+      return {{1.0f, 1.0f, 1.0f}, 0.4f, 1.0f};
+    case FacePart::lips:
+      return {{0.75f, 0.55f, 0.6f}, 0.4f, 1.0f};
+    case FacePart::brow:
+      return {{0.4f, 0.38f, 0.4f}, 0.35f, 1.0f};
+    case FacePart::sclera:
+      return {{0.9f, 1.1f, 1.3f}, 0.3f, 0.8f};
+    case FacePart::iris:
+      return {{0.2f, 0.22f, 0.25f}, 0.4f, 0.8f};
+    case FacePart::pupil:
+      return {{0.04f, 0.05f, 0.06f}, 0.4f, 0.8f};
+    case FacePart::teeth:
+      return {{0.8f, 1.0f, 1.1f}, 0.15f, 0.5f};
+    case FacePart::mouth_cavity:
+      return {{0.12f, 0.08f, 0.08f}, 0.25f, 0.5f};
+    case FacePart::tongue:
+      return {{0.6f, 0.4f, 0.4f}, 0.1f, 0.3f};
+    case FacePart::nostril:
+      return {{0.3f, 0.25f, 0.25f}, 0.2f, 0.7f};
+    case FacePart::lashes:
+      return {{0.25f, 0.25f, 0.28f}, 0.2f, 0.6f};
+    case FacePart::ear:
+      return {{0.95f, 0.85f, 0.85f}, 0.05f, 0.3f};
+    case FacePart::hair:
+      return {{0.25f, 0.25f, 0.25f}, 0.0f, 0.25f};
+    case FacePart::neck:
+      return {{0.9f, 0.9f, 0.9f}, 0.0f, 0.0f};
+    case FacePart::other:
+      return {{0.5f, 0.5f, 0.5f}, 0.0f, 0.0f};
+  }
+  return {{1.0f, 1.0f, 1.0f}, 0.0f, 0.0f};
+}
+
+FacePart part_of(const MorphShape& shape, int vertex) {
+  return shape.part.empty() ? FacePart::skin
+                            : static_cast<FacePart>(shape.part[static_cast<std::size_t>(vertex)]);
+}
+
+}  // namespace
+
+Eigen::Vector3f relative_albedo(FacePart part) { return facts(part).albedo; }
+float colour_confidence(FacePart part) { return facts(part).confidence; }
+float tracking_weight(FacePart part) { return facts(part).weight; }
+
+PointsF vertex_albedo(const MorphShape& shape) {
+  PointsF out(shape.mesh->vertex_count(), 3);
+  for (int v = 0; v < out.rows(); ++v) out.row(v) = relative_albedo(part_of(shape, v)).transpose();
+  return out;
+}
+
+std::vector<float> vertex_confidence(const MorphShape& shape) {
+  std::vector<float> out(static_cast<std::size_t>(shape.mesh->vertex_count()));
+  for (std::size_t v = 0; v < out.size(); ++v) {
+    out[v] = colour_confidence(part_of(shape, static_cast<int>(v)));
+  }
+  return out;
+}
+
+std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
+                                    float (*weight)(FacePart)) {
+  std::vector<float> out;
+  out.reserve(topology.triangles.size());
+  for (const auto& corner : topology.triangles) {
+    out.push_back(std::min({weight(part_of(shape, corner[0])), weight(part_of(shape, corner[1])),
+                            weight(part_of(shape, corner[2]))}));
+  }
+  return out;
+}
+
+}  // namespace semblance

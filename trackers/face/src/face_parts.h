@@ -1,0 +1,26 @@
+// What is known of a face's colours before any image of it was seen.
+#pragma once
+
+#include <vector>
+
+#include "semblance/core/mesh.h"
+#include "semblance/cost/surface_equations.h"
+#include "semblance/models/morph_model.h"
+
+namespace semblance {
+
+/// Albedo relative to the skin (linear, per channel), for the parts of a face.
+Eigen::Vector3f relative_albedo(FacePart part);
+/// How far the relative albedo can be trusted when no image has shown the part, in [0, 1].
+float colour_confidence(FacePart part);
+/// How rigidly a part follows the model, as a weight of its pixels while tracking, in [0, 1].
+float tracking_weight(FacePart part);
+
+/// The same for every vertex of a shape.
+PointsF vertex_albedo(const MorphShape& shape);
+std::vector<float> vertex_confidence(const MorphShape& shape);
+/// Weight of each triangle: the least of its corners'.
+std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
+                                    float (*weight)(FacePart));
+
+}  // namespace semblance

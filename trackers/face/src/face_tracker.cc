@@ -1,0 +1,507 @@
+#include "semblance/face/face_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <istream>
+#include <limits>
+#include <ostream>
+
+#include <Eigen/Cholesky>
+
+#include "face_parts.h"
+#include "semblance/core/errors.h"
+#include "semblance/core/parallel.h"
+#include "semblance/cost/landmark.h"
+#include "semblance/cost/prior.h"
+
+namespace semblance {
+
+namespace {
+
+constexpr int kPyramidLevels = 4;
+constexpr double kCoarseEyes_px = 14.0;  // distance between the eyes on the coarsest level used
+constexpr double kEyeDistance_m = 0.063;
+constexpr double kRotationPerFrame = 0.06;  // rad: deviation of the prediction's error
+constexpr double kTranslationPerFrame_m = 0.012;
+constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
+constexpr double kVelocityDamping = 0.7;
+constexpr double kGatherTurn = 0.08;  // rad of turning after which new surface may be in view
+constexpr int kFirstViews = 1;
+
+// A frame is believed when the synthetic picture resembles the observed one.
+constexpr double kLeastCorrelation = 0.65;
+constexpr double kLeastInliers = 0.45;
+constexpr double kLeastDepth_m = 0.1, kLargestDepth_m = 10.0;
+constexpr double kLeastVisible =
+    0.4;  // of the pixels the face had at the first fit, scaled by depth
+
+/// What the next frame depends on.
+struct State {
+  bool initialised = false;
+  bool tracking = false;
+  Eigen::VectorXd identity, identity_sigma;
+  Eigen::VectorXd x;         // of the person's model: pose and expression
+  Eigen::VectorXd velocity;  // of the pose, tangent, per frame
+  ShLight light;
+  double sigma = 0.03, correlation_area_px = 8.0;
+  double pixels_at_one_metre = 0.0;  // visible pixels times depth squared at the first fit
+  Eigen::Vector4d gathered_at = Eigen::Vector4d::Zero();
+};
+
+bool is_blink(const std::string& name) { return name.find("blink") != std::string::npos; }
+
+void write_vector(std::ostream& out, const double* data, std::uint64_t size) {
+  out.write(reinterpret_cast<const char*>(&size), sizeof size);
+  out.write(reinterpret_cast<const char*>(data),
+            static_cast<std::streamsize>(size * sizeof(double)));
+}
+
+void read_vector(std::istream& in, double* data, std::uint64_t expected,
+                 const std::string& source) {
+  std::uint64_t size = 0;
+  in.read(reinterpret_cast<char*>(&size), sizeof size);
+  if (!in || size != expected) {
+    throw InvalidInput(source + ": saved by another model or version; remove it and start afresh");
+  }
+  in.read(reinterpret_cast<char*>(data), static_cast<std::streamsize>(size * sizeof(double)));
+  if (!in) throw InvalidInput(source + ": ends early; remove it and start afresh");
+}
+
+}  // namespace
+
+/// The fixed person: model with identity, its topology and appearance.
+struct Person {
+  explicit Person(MorphShape shape_in, int texture_size)
+      : model(std::move(shape_in)),
+        topology(topology_of(model)),
+        workspace(model, topology),
+        appearance(*model.shape().mesh, texture_size, vertex_albedo(model.shape()),
+                   vertex_confidence(model.shape())),
+        triangle_weight(triangle_weights(model.shape(), topology, tracking_weight)) {}
+
+  MorphModel model;
+  SurfaceTopology topology;
+  SynthesisWorkspace workspace;
+  Appearance appearance;
+  std::vector<float> triangle_weight;
+};
+
+struct FaceTracker::Impl {
+  Impl(MorphShape shape, const Camera& camera_in, const FaceTrackerOptions& options_in)
+      : generic(std::move(shape)), fitter(generic), camera(camera_in), options(options_in) {
+    OptimizerOptions gradient;
+    gradient.max_iterations = 6;
+    gradient.step_tolerance = 5e-3;
+    gradient.cost_tolerance = 1e-4;
+    gradient.seed = options.seed;
+    gradient.search_radius = 0.3;
+    gradient.max_evaluations = 1500;
+    optimizer = make_optimizer(options.optimizer, gradient);
+    polish = make_optimizer("lm", gradient);
+  }
+
+  struct Attempt {
+    Eigen::VectorXd x;
+    ShLight light;
+    NormalEquations equations;
+    PhotometricCost::Statistics statistics;
+    bool believed = false;
+    std::string reason;
+  };
+
+  bool start(const Observation& observation);
+  void make_person(const Eigen::VectorXd& identity);
+  std::vector<int> free_blocks() const;
+  PriorCost temporal_prior(const SynthesisObjective& objective, const Eigen::VectorXd& mean,
+                           double looseness) const;
+  Attempt fit_frame(const Observation& observation, const Eigen::VectorXd& predicted,
+                    double looseness, const Optimizer& method) const;
+  Attempt search(const Observation& observation) const;
+  void judge(const Camera& at, Attempt& attempt) const;
+  void gather(const Observation& observation, const Attempt& attempt, bool first);
+  TrackFrame report(int frame, double time_s, TrackStatus status, const Attempt& attempt) const;
+  double depth(const Eigen::VectorXd& x) const {
+    return (camera.camera_from_world * Eigen::Vector3d(x.segment<3>(4))).z();
+  }
+
+  MorphModel generic;
+  FaceFitter fitter;
+  FaceDetector detector;
+  Camera camera;
+  FaceTrackerOptions options;
+  std::unique_ptr<Optimizer> optimizer, polish;
+  State state;
+  std::unique_ptr<Person> person;
+};
+
+void FaceTracker::Impl::make_person(const Eigen::VectorXd& identity) {
+  person = std::make_unique<Person>(with_identity(generic.shape(), identity), options.texture_size);
+}
+
+bool FaceTracker::Impl::start(const Observation& observation) {
+  FaceFit fit;
+  if (!options.first_marks.empty()) {
+    fit = fitter.fit(observation, camera, options.first_marks);
+  } else {
+    std::vector<FaceBox> boxes = detector.detect(observation.linear);
+    if (boxes.empty()) return false;
+    std::sort(boxes.begin(), boxes.end(),
+              [](const FaceBox& a, const FaceBox& b) { return a.x_px < b.x_px; });
+    if (boxes.size() > 1 && !options.face) {
+      throw InvalidInput(std::to_string(boxes.size()) +
+                         " faces in the first frame that shows any; choose one with --face N, "
+                         "counted from the left and from 0, or mark it with --points");
+    }
+    const int chosen = options.face.value_or(0);
+    if (chosen >= static_cast<int>(boxes.size())) return false;
+    try {
+      fit = fitter.fit(observation, camera, boxes[static_cast<std::size_t>(chosen)]);
+    } catch (const SolverError&) {
+      return false;  // the detector saw something that is no face: this frame is lost
+    }
+  }
+  const int identities = generic.shape().identity_count;
+  state.identity = fit.x.segment(7, identities);
+  state.identity_sigma =
+      Eigen::VectorXd::Constant(identities, std::numeric_limits<double>::quiet_NaN());
+  make_person(state.identity);
+  state.x.resize(person->model.parameters().size());
+  state.x << fit.x.head<7>(), fit.x.tail(fit.x.size() - 7 - identities);
+  state.velocity = Eigen::VectorXd::Zero(6);
+  state.light = fit.light;
+  state.initialised = true;
+  Attempt first;
+  first.x = state.x;
+  first.light = fit.light;
+  gather(observation, first, true);
+  return true;
+}
+
+std::vector<int> FaceTracker::Impl::free_blocks() const {
+  std::vector<int> blocks;
+  for (std::size_t b = 0; b < person->model.parameters().blocks().size(); ++b) {
+    blocks.push_back(static_cast<int>(b));
+  }
+  return blocks;
+}
+
+PriorCost FaceTracker::Impl::temporal_prior(const SynthesisObjective& objective,
+                                            const Eigen::VectorXd& mean, double looseness) const {
+  const ParameterSpace& space = objective.space();
+  Eigen::VectorXd sigma(space.tangent_size());
+  sigma.head<3>().setConstant(kRotationPerFrame);
+  sigma.segment<3>(3).setConstant(kTranslationPerFrame_m);
+  for (std::size_t b = 2; b < space.blocks().size(); ++b) {
+    sigma[space.tangent_offset(static_cast<int>(b))] =
+        is_blink(space.blocks()[b].name) ? kBlinkPerFrame : kExpressionPerFrame;
+  }
+  return PriorCost(mean, looseness * sigma);
+}
+
+FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& observation,
+                                                        const Eigen::VectorXd& predicted,
+                                                        double looseness,
+                                                        const Optimizer& method) const {
+  Attempt attempt;
+  attempt.x = predicted;
+  attempt.light = state.light;
+  const std::vector<int> free = free_blocks();
+  const double eyes_px = camera.focal_px.x() * kEyeDistance_m / std::max(depth(predicted), 0.05);
+  const int coarsest =
+      std::clamp(static_cast<int>(std::floor(std::log2(std::max(eyes_px / kCoarseEyes_px, 1.0)))),
+                 0, static_cast<int>(observation.levels.size()) - 1);
+  for (int l = coarsest; l >= 0; --l) {
+    const ObservationLevel& level = observation.levels[static_cast<std::size_t>(l)];
+    const Camera at = camera.scaled(level.scale);
+    PhotometricOptions photometric;
+    photometric.sigma = state.sigma;
+    photometric.correlation_area_px =
+        std::max(1.0, state.correlation_area_px * level.scale * level.scale);
+    const SynthesisObjective probe(person->workspace, attempt.x, free, attempt.light, at, {});
+    const Eigen::VectorXd start = probe.restrict_to_free(attempt.x);
+    probe.with_synthesis(start, [&](const Synthesis& synthesis) {
+      if (synthesis.pixels.size() == 0) return;
+      photometric.texture_level =
+          matching_texture_level(synthesis, person->appearance, person->topology);
+      photometric.reference_pixels = static_cast<double>(synthesis.pixels.size());
+      const PhotometricCost cost(&level, &person->appearance, &person->topology,
+                                 &person->triangle_weight, photometric);
+      attempt.light = estimate_light(synthesis, level, person->appearance, person->topology,
+                                     cost.statistics(synthesis).pixel_weight, 0.05, l == 0 ? 3 : 1);
+    });
+    const PhotometricCost cost(&level, &person->appearance, &person->topology,
+                               &person->triangle_weight, photometric);
+    const PriorCost prior(probe.space());
+    const PriorCost temporal = temporal_prior(probe, predicted, looseness);
+    const SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
+                                       {&cost, &prior, &temporal});
+    const Solution solution = method.minimize(objective, start, silent_progress());
+    attempt.x = objective.full(solution.x);
+    if (l > 0) continue;
+    objective.normal_equations(solution.x, attempt.equations);
+    objective.with_synthesis(solution.x, [&](const Synthesis& synthesis) {
+      attempt.statistics = cost.statistics(synthesis);
+    });
+  }
+  judge(camera, attempt);
+  return attempt;
+}
+
+void FaceTracker::Impl::judge(const Camera& at, Attempt& attempt) const {
+  (void)at;
+  const PhotometricCost::Statistics& s = attempt.statistics;
+  const double z = depth(attempt.x);
+  const double expected = state.pixels_at_one_metre / (z * z);
+  attempt.believed = false;
+  if (!attempt.x.allFinite() || !std::isfinite(attempt.equations.cost)) {
+    attempt.reason = "the solver gave no finite answer";
+  } else if (!(z > kLeastDepth_m && z < kLargestDepth_m)) {
+    attempt.reason = "implausible distance";
+  } else if (s.correlation < kLeastCorrelation) {
+    attempt.reason = "the picture does not resemble the face";
+  } else if (s.inlier_fraction < kLeastInliers) {
+    attempt.reason = "too many pixels do not fit";
+  } else if (expected > 0.0 && static_cast<double>(s.pixels) < kLeastVisible * expected) {
+    attempt.reason = "too little of the face is in the picture";
+  } else {
+    attempt.believed = true;
+  }
+}
+
+FaceTracker::Impl::Attempt FaceTracker::Impl::search(const Observation& observation) const {
+  // The last pose first: most losses are short.
+  Attempt best = fit_frame(observation, state.x, 3.0, *polish);
+  if (best.believed) return best;
+  const std::vector<FaceBox> boxes = detector.detect(observation.linear);
+  std::vector<Eigen::VectorXd> starts;
+  for (const FaceBox& box : boxes) {
+    for (double yaw : {0.0, -0.3, 0.3}) {
+      for (double scale : {0.9, 1.1}) {
+        Eigen::VectorXd x = person->model.parameters().initial();
+        set_pose(person->model.parameters(), camera,
+                 {box.x_px + 0.5 * box.width_px, box.y_px + 0.4 * box.height_px},
+                 0.42 * box.width_px * scale,
+                 Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY())), x);
+        starts.push_back(std::move(x));
+      }
+    }
+  }
+  std::vector<Attempt> attempts(starts.size());
+  parallel_for(starts.size(), [&](std::size_t i) {
+    attempts[i] = fit_frame(observation, starts[i], 4.0, *polish);
+  });
+  for (Attempt& attempt : attempts) {
+    if (attempt.believed &&
+        (!best.believed || attempt.statistics.correlation > best.statistics.correlation)) {
+      best = std::move(attempt);
+    }
+  }
+  return best;
+}
+
+void FaceTracker::Impl::gather(const Observation& observation, const Attempt& attempt, bool first) {
+  const SynthesisObjective probe(person->workspace, attempt.x, free_blocks(), attempt.light, camera,
+                                 {});
+  probe.with_synthesis(probe.restrict_to_free(attempt.x), [&](const Synthesis& synthesis) {
+    const std::vector<float> flat(synthesis.pixels.size(), 1.0f);
+    person->appearance.gather(observation.linear, synthesis.scene.objects[0], camera, attempt.light,
+                              synthesis.pixels, first ? flat : attempt.statistics.pixel_weight);
+    if (first) {
+      const double z = depth(attempt.x);
+      state.pixels_at_one_metre = static_cast<double>(synthesis.pixels.size()) * z * z;
+    }
+  });
+  state.gathered_at = attempt.x.head<4>();
+}
+
+TrackFrame FaceTracker::Impl::report(int frame, double time_s, TrackStatus status,
+                                     const Attempt& attempt) const {
+  TrackFrame out;
+  out.frame = frame;
+  out.time_s = time_s;
+  out.status = status;
+  if (status == TrackStatus::lost) {
+    if (!attempt.reason.empty()) out.extra["reason"] = attempt.reason;
+    return out;
+  }
+  const ParameterSpace& all = generic.parameters();
+  const Eigen::Index identities = state.identity.size();
+  const Eigen::Index expressions = all.size() - 7 - identities;
+  out.x.resize(all.size());
+  out.x << attempt.x.head<7>(), state.identity, attempt.x.tail(expressions);
+  const Eigen::MatrixXd covariance =
+      attempt.equations.hessian.ldlt().solve(Eigen::MatrixXd::Identity(
+          attempt.equations.hessian.rows(), attempt.equations.hessian.cols()));
+  out.sigma = Eigen::VectorXd::Constant(all.size(), std::numeric_limits<double>::quiet_NaN());
+  // q(d) = exp(d) q: its derivative at d = 0 maps rotation vectors to quaternion entries.
+  const Eigen::Vector4d q = attempt.x.head<4>();
+  Eigen::Matrix<double, 4, 3> lift;
+  lift << -q[1], -q[2], -q[3], q[0], q[3], -q[2], -q[3], q[0], q[1], q[2], -q[1], q[0];
+  lift *= 0.5;
+  out.sigma.head<4>() =
+      (lift * covariance.topLeftCorner<3, 3>() * lift.transpose()).diagonal().cwiseSqrt();
+  out.sigma.segment<3>(4) = covariance.diagonal().segment<3>(3).cwiseSqrt();
+  out.sigma.segment(7, identities) = state.identity_sigma;
+  out.sigma.tail(expressions) = covariance.diagonal().tail(expressions).cwiseSqrt();
+  out.rotation_wxyz = q;
+  out.translation_m = attempt.x.segment<3>(4);
+  out.residual_rms = attempt.statistics.rms;
+  out.inlier_fraction = attempt.statistics.inlier_fraction;
+  out.extra["correlation"] = attempt.statistics.correlation;
+  const SynthesisObjective probe(person->workspace, attempt.x, free_blocks(), attempt.light, camera,
+                                 {});
+  probe.with_synthesis(probe.restrict_to_free(attempt.x), [&](const Synthesis& synthesis) {
+    for (const ModelLandmark& landmark : person->model.landmarks()) {
+      Eigen::Vector3f p = Eigen::Vector3f::Zero();
+      for (int k = 0; k < 3; ++k) {
+        const int corner =
+            person->topology.triangles[static_cast<std::size_t>(landmark.triangle)][k];
+        p += landmark.barycentric[k] *
+             synthesis.scene.objects[0].positions_m.row(corner).transpose();
+      }
+      out.landmarks_px.push_back(project_world(camera, p.cast<double>()));
+    }
+  });
+  return out;
+}
+
+FaceTracker::FaceTracker(MorphShape shape, const Camera& camera, const FaceTrackerOptions& options)
+    : impl_(std::make_unique<Impl>(std::move(shape), camera, options)) {}
+FaceTracker::~FaceTracker() = default;
+
+const ParameterSpace& FaceTracker::parameters() const { return impl_->generic.parameters(); }
+
+std::vector<std::string> FaceTracker::landmark_names() const {
+  std::vector<std::string> names;
+  for (const ModelLandmark& landmark : impl_->generic.landmarks()) names.push_back(landmark.name);
+  return names;
+}
+
+int FaceTracker::pyramid_levels() const { return kPyramidLevels; }
+bool FaceTracker::has_identity() const { return impl_->state.initialised; }
+
+const MorphShape& FaceTracker::shape() const {
+  if (!impl_->person) throw SolverError("no face was found yet");
+  return impl_->person->model.shape();
+}
+
+Image FaceTracker::texture() const {
+  if (!impl_->person) throw SolverError("no face was found yet");
+  return impl_->person->appearance.texture();
+}
+
+void FaceTracker::pose_scene(const TrackFrame& frame, Scene& scene) const {
+  const Eigen::Index identities = impl_->state.identity.size();
+  Eigen::VectorXd x(frame.x.size() - identities);
+  x << frame.x.head<7>(), frame.x.tail(frame.x.size() - 7 - identities);
+  impl_->person->model.synthesize(x, scene);
+}
+
+TrackFrame FaceTracker::track(int frame, double time_s, const Observation& observation) {
+  Impl& m = *impl_;
+  State& s = m.state;
+  TrackStatus status = TrackStatus::tracked;
+  Impl::Attempt attempt;
+  if (!s.initialised) {
+    if (!m.start(observation)) {
+      attempt.reason = "no face found";
+      return m.report(frame, time_s, TrackStatus::lost, attempt);
+    }
+    attempt = m.fit_frame(observation, s.x, 1.0, *m.polish);
+  } else if (s.tracking) {
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(m.person->model.parameters().tangent_size());
+    step.head<6>() = kVelocityDamping * s.velocity;
+    attempt =
+        m.fit_frame(observation, m.person->model.parameters().plus(s.x, step), 1.0, *m.optimizer);
+    if (!attempt.believed) {
+      attempt = m.search(observation);
+      if (attempt.believed) status = TrackStatus::reinitialised;
+    }
+  } else {
+    attempt = m.search(observation);
+    status = TrackStatus::reinitialised;
+  }
+  if (!attempt.believed) {
+    s.tracking = false;
+    s.velocity.setZero();
+    return m.report(frame, time_s, TrackStatus::lost, attempt);
+  }
+  if (s.tracking && status == TrackStatus::tracked) {
+    s.velocity = m.person->model.parameters().minus(attempt.x, s.x).head<6>();
+  } else {
+    s.velocity.setZero();
+  }
+  s.tracking = true;
+  s.x = attempt.x;
+  s.light = attempt.light;
+  // Slow averages: one bad frame must not change what counts as an outlier in the next.
+  s.sigma = std::clamp(0.9 * s.sigma + 0.1 * attempt.statistics.sigma, 0.01, 0.08);
+  const double rho = std::clamp(attempt.statistics.lag_correlation, 0.0, 0.9);
+  const double area = std::pow((1.0 + rho) / (1.0 - rho), 2.0);
+  s.correlation_area_px = 0.9 * s.correlation_area_px + 0.1 * std::clamp(area, 1.0, 100.0);
+  const TrackFrame out = m.report(frame, time_s, status, attempt);
+  const double cosine = std::min(1.0, std::abs(s.gathered_at.dot(attempt.x.head<4>())));
+  if (2.0 * std::acos(cosine) > kGatherTurn && attempt.statistics.inlier_fraction > 0.8) {
+    m.gather(observation, attempt, false);
+  }
+  return out;
+}
+
+void FaceTracker::save_state(std::ostream& out) const {
+  const State& s = impl_->state;
+  const double flags[2] = {s.initialised ? 1.0 : 0.0, s.tracking ? 1.0 : 0.0};
+  write_vector(out, flags, 2);
+  if (!s.initialised) return;
+  write_vector(out, s.identity.data(), static_cast<std::uint64_t>(s.identity.size()));
+  write_vector(out, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity_sigma.size()));
+  write_vector(out, s.x.data(), static_cast<std::uint64_t>(s.x.size()));
+  write_vector(out, s.velocity.data(), 6);
+  const double scalars[3] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre};
+  write_vector(out, scalars, 3);
+  write_vector(out, s.gathered_at.data(), 4);
+  Eigen::Matrix<double, 27, 1> light;
+  for (int k = 0; k < 9; ++k) light.segment<3>(3 * k) = s.light.coefficients[k].cast<double>();
+  write_vector(out, light.data(), 27);
+  const std::vector<float>& texels = impl_->person->appearance.state();
+  const Eigen::VectorXd wide =
+      Eigen::Map<const Eigen::VectorXf>(texels.data(), static_cast<Eigen::Index>(texels.size()))
+          .cast<double>();
+  write_vector(out, wide.data(), static_cast<std::uint64_t>(wide.size()));
+}
+
+void FaceTracker::restore_state(std::istream& in, const std::string& source) {
+  State s;
+  double flags[2];
+  read_vector(in, flags, 2, source);
+  s.initialised = flags[0] > 0.0;
+  s.tracking = flags[1] > 0.0;
+  if (s.initialised) {
+    const MorphShape& shape = impl_->generic.shape();
+    s.identity.resize(shape.identity_count);
+    s.identity_sigma.resize(shape.identity_count);
+    s.x.resize(impl_->generic.parameters().size() - shape.identity_count);
+    s.velocity.resize(6);
+    read_vector(in, s.identity.data(), static_cast<std::uint64_t>(s.identity.size()), source);
+    read_vector(in, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity.size()), source);
+    read_vector(in, s.x.data(), static_cast<std::uint64_t>(s.x.size()), source);
+    read_vector(in, s.velocity.data(), 6, source);
+    double scalars[3];
+    read_vector(in, scalars, 3, source);
+    s.sigma = scalars[0];
+    s.correlation_area_px = scalars[1];
+    s.pixels_at_one_metre = scalars[2];
+    read_vector(in, s.gathered_at.data(), 4, source);
+    Eigen::Matrix<double, 27, 1> light;
+    read_vector(in, light.data(), 27, source);
+    for (int k = 0; k < 9; ++k) s.light.coefficients[k] = light.segment<3>(3 * k).cast<float>();
+    impl_->make_person(s.identity);
+    std::vector<float>& texels = impl_->person->appearance.state();
+    Eigen::VectorXd wide(static_cast<Eigen::Index>(texels.size()));
+    read_vector(in, wide.data(), static_cast<std::uint64_t>(wide.size()), source);
+    Eigen::Map<Eigen::VectorXf>(texels.data(), wide.size()) = wide.cast<float>();
+    impl_->person->appearance.rebuild();
+  }
+  impl_->state = std::move(s);
+}
+
+}  // namespace semblance
