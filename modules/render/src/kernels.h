@@ -47,34 +47,30 @@ struct RasteriseArgs {
   TrianglePlanes* planes;  // of the object's first triangle; room for a multiple of 8
   int32_t first_id;
   int32_t x0, y0, x1, y1;  // pixels drawn
-  PixelKey* keys;          // of pixel (x0, y0), rows of x1 - x0
+  PixelKey* keys;          // of pixel (x0, y0)
+  int32_t stride;          // of the rows of `keys`, a multiple of 8
   int32_t* large;          // out: rows of `triangles` too large for this kernel, room for `count`
   int64_t large_count;     // out
 };
 
-struct CompactArgs {
+struct ListArgs {
   PixelKey* keys;  // read and set back to 0
-  int32_t width, height, x0, y0;
-  // Out, room for width * height + 8 each.
-  int32_t* triangle;
-  float *inverse_z, *x, *y;
-};
-
-struct ResolveArgs {
-  int64_t count;
-  int32_t image_width;
-  const int32_t* triangle;
-  const float *inverse_z, *x, *y;
+  int32_t stride, height, x0, y0, image_width;
   const TrianglePlanes* planes;
-  int32_t* pixel;
+  // Out, one entry per key that is not 0.
+  int32_t *pixel, *triangle;
   float *b1, *b2, *depth;
+  // Scratch, room for stride + 16 each.
+  int32_t* pending_triangle;
+  float *pending_inverse_z, *pending_x, *pending_y;
 };
 
 struct Kernels {
   void (*project)(ProjectArgs& args);
   void (*rasterise)(RasteriseArgs& args);
-  int64_t (*compact)(const CompactArgs& args);
-  void (*resolve)(const ResolveArgs& args);
+  /// How many of `count` keys (a multiple of 8) are not 0.
+  int64_t (*count_seen)(const PixelKey* keys, int64_t count);
+  void (*list)(const ListArgs& args);
 };
 
 const Kernels& portable_kernels();

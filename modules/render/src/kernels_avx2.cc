@@ -12,7 +12,7 @@ namespace {
 
 const Kernels& avx2_kernels();
 const Kernels& avx2_kernels() {
-  static constexpr Kernels kernels{avx2::project, avx2::rasterise, avx2::compact, avx2::resolve};
+  static constexpr Kernels kernels{avx2::project, avx2::rasterise, avx2::count_seen, avx2::list};
   return kernels;
 }
 

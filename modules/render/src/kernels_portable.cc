@@ -9,8 +9,8 @@ namespace {
 }  // namespace portable
 
 const Kernels& portable_kernels() {
-  static const Kernels kernels{portable::project, portable::rasterise, portable::compact,
-                               portable::resolve};
+  static const Kernels kernels{portable::project, portable::rasterise, portable::count_seen,
+                               portable::list};
   return kernels;
 }
 

@@ -60,6 +60,11 @@ inline I8 select(I8 mask, I8 a, I8 b) { return as_int(select(mask, as_float(a), 
 inline unsigned sign_bits(I8 a) {
   return static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(a.v)));
 }
+inline int32_t highest_lane(I8 a) {
+  const __m128i four = _mm_max_epi32(_mm256_castsi256_si128(a.v), _mm256_extracti128_si256(a.v, 1));
+  const __m128i two = _mm_max_epi32(four, _mm_shuffle_epi32(four, 0x4e));
+  return _mm_cvtsi128_si32(_mm_max_epi32(two, _mm_shuffle_epi32(two, 0xb1)));
+}
 inline F8 to_float(I8 a) { return {_mm256_cvtepi32_ps(a.v)}; }
 inline I8 round_to_int(F8 a) { return {_mm256_cvtps_epi32(a.v)}; }
 inline I8 truncate_to_int(F8 a) { return {_mm256_cvttps_epi32(a.v)}; }
@@ -156,6 +161,10 @@ inline void load_halves(const uint64_t* p, I8& high, I8& low) {
   const __m256d odd = _mm256_castps_pd(_mm256_shuffle_ps(a, b, 0xdd));
   low.v = _mm256_castpd_si256(_mm256_permute4x64_pd(even, 0xd8));
   high.v = _mm256_castpd_si256(_mm256_permute4x64_pd(odd, 0xd8));
+}
+inline void store_zeros(uint64_t* p) {
+  _mm256_storeu_si256((__m256i*)p, _mm256_setzero_si256());
+  _mm256_storeu_si256((__m256i*)(p + 4), _mm256_setzero_si256());
 }
 inline F8 gather(const float* base, I8 index) { return {_mm256_i32gather_ps(base, index.v, 4)}; }
 inline I8 gather(const int32_t* base, I8 index) {

@@ -128,6 +128,11 @@ inline unsigned sign_bits(I8 a) {
   for (int i = 0; i < 8; ++i) bits |= (a.lane[i] < 0 ? 1u : 0u) << i;
   return bits;
 }
+inline int32_t highest_lane(I8 a) {
+  int32_t highest = a.lane[0];
+  for (int i = 1; i < 8; ++i) highest = a.lane[i] > highest ? a.lane[i] : highest;
+  return highest;
+}
 inline F8 to_float(I8 a) {
   return each<F8>([&](int i) { return static_cast<float>(a.lane[i]); });
 }
@@ -194,6 +199,7 @@ inline void load_halves(const uint64_t* p, I8& high, I8& low) {
     low.lane[i] = wrap(static_cast<uint32_t>(p[i]));
   }
 }
+inline void store_zeros(uint64_t* p) { __builtin_memset(p, 0, 64); }
 inline F8 gather(const float* base, I8 index) {
   return each<F8>([&](int i) { return base[index.lane[i]]; });
 }

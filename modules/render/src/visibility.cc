@@ -79,7 +79,7 @@ void draw_large(const RasteriseArgs& args, std::int32_t row) {
       edge.narrow(first, last);
       edge.value += edge.gy * subpixel_one;
     }
-    PixelKey* keys = args.keys + (y - args.y0) * (args.x1 - args.x0) + (x0 - args.x0);
+    PixelKey* keys = args.keys + (y - args.y0) * args.stride + (x0 - args.x0);
     const double row_z =
         p.inverse_z + slope_y * (static_cast<double>(y * subpixel_one - p.y) / subpixel_one);
     const double dx_px = static_cast<double>(dx) / subpixel_one;
@@ -103,8 +103,8 @@ struct Rasteriser::Impl {
   std::vector<TrianglePlanes> planes;
   std::vector<std::int32_t> large;
   std::vector<PixelKey> keys;  // all zero between calls
-  std::vector<std::int32_t> triangle;
-  std::vector<float> inverse_z, x, y;
+  std::vector<std::int32_t> pending_triangle;
+  std::vector<float> pending_inverse_z, pending_x, pending_y;
 
   /// Projects every vertex; returns the pixels of `limit` that they may cover.
   PixelRect project(const Scene& scene, const Camera& camera, const PixelRect& limit);
@@ -119,6 +119,9 @@ template <class T>
 void reserve_entries(std::vector<T>& list, std::size_t count) {
   if (list.size() < count) list.resize(count);
 }
+
+/// Rows of the key buffer are padded to the kernels' width.
+int key_stride(const PixelRect& rect) { return (rect.x1 - rect.x0 + 7) / 8 * 8; }
 
 ProjectArgs project_args(const Camera& camera) {
   ProjectArgs args{};
@@ -166,10 +169,11 @@ void Rasteriser::Impl::rasterise(const Scene& scene, const PixelRect& rect) {
   for (const SceneObject& object : scene.objects) triangle_count += object.mesh->triangle_count();
   reserve_entries(planes, triangle_count + 8);
   reserve_entries(large, triangle_count);
-  reserve_entries(keys, static_cast<std::size_t>(rect.x1 - rect.x0) * (rect.y1 - rect.y0));
+  reserve_entries(keys, static_cast<std::size_t>(key_stride(rect)) * (rect.y1 - rect.y0));
   RasteriseArgs args{};
   args.x0 = rect.x0, args.y0 = rect.y0, args.x1 = rect.x1, args.y1 = rect.y1;
   args.keys = keys.data();
+  args.stride = key_stride(rect);
   args.large = large.data();
   args.vertices = vertices.data();
   for (const SceneObject& object : scene.objects) {
@@ -184,20 +188,19 @@ void Rasteriser::Impl::rasterise(const Scene& scene, const PixelRect& rect) {
 }
 
 void Rasteriser::Impl::list_pixels(const PixelRect& rect, int image_width, VisiblePixels& out) {
-  const int width = rect.x1 - rect.x0, height = rect.y1 - rect.y0;
-  const std::size_t room = static_cast<std::size_t>(width) * height + 8;
-  reserve_entries(triangle, room);
-  for (std::vector<float>* list : {&inverse_z, &x, &y}) reserve_entries(*list, room);
-  const std::int64_t count =
-      kernels->compact({keys.data(), width, height, rect.x0, rect.y0, triangle.data(),
-                        inverse_z.data(), x.data(), y.data()});
-  std::fill_n(triangle.data() + count, 8, 0);  // resolve works in eights
-  out.pixel.resize(count);
-  out.triangle.assign(triangle.data(), triangle.data() + count);
+  const int stride = key_stride(rect), height = rect.y1 - rect.y0;
+  const std::size_t room = static_cast<std::size_t>(stride) + 16;
+  reserve_entries(pending_triangle, room);
+  for (std::vector<float>* list : {&pending_inverse_z, &pending_x, &pending_y})
+    reserve_entries(*list, room);
+  const std::size_t count =
+      kernels->count_seen(keys.data(), static_cast<std::int64_t>(stride) * height);
+  for (std::vector<std::int32_t>* list : {&out.pixel, &out.triangle}) list->resize(count);
   for (std::vector<float>* list : {&out.b1, &out.b2, &out.depth_m}) list->resize(count);
-  kernels->resolve({count, image_width, triangle.data(), inverse_z.data(), x.data(), y.data(),
-                    planes.data(), out.pixel.data(), out.b1.data(), out.b2.data(),
-                    out.depth_m.data()});
+  kernels->list({keys.data(), stride, height, rect.x0, rect.y0, image_width, planes.data(),
+                 out.pixel.data(), out.triangle.data(), out.b1.data(), out.b2.data(),
+                 out.depth_m.data(), pending_triangle.data(), pending_inverse_z.data(),
+                 pending_x.data(), pending_y.data()});
 }
 
 Rasteriser::Rasteriser(Instructions instructions) : impl_(std::make_unique<Impl>()) {
