@@ -62,7 +62,8 @@ nlohmann::json parse_json(std::string_view text, const std::string& source) {
   try {
     result = nlohmann::json::parse(text, watch_keys);
   } catch (const nlohmann::json::parse_error& error) {
-    throw InvalidInput(source + ": is not valid JSON at " + place(text, error.byte));
+    throw InvalidInput(source + ": is not valid JSON at " + place(text, error.byte) +
+                       " (JSON knows no NaN, Infinity, comments or trailing commas)");
   } catch (const nlohmann::json::exception& error) {
     throw InvalidInput(source + ": is not valid JSON: a number is out of range");
   }

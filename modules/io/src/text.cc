@@ -1,5 +1,6 @@
 #include "text.h"
 
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -86,6 +87,12 @@ bool parse(std::string_view word, float& value) {
 }
 
 bool parse(std::string_view word, int& value) { return parse_number(word, value); }
+
+std::string lower_extension(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension;
+}
 
 std::string quoted(std::string_view text) {
   constexpr std::size_t longest = 40;

@@ -35,6 +35,9 @@ bool parse(std::string_view word, double& value);
 bool parse(std::string_view word, float& value);
 bool parse(std::string_view word, int& value);
 
+/// ".png" for "A.PNG".
+std::string lower_extension(const std::string& path);
+
 /// `text` for a message: shortened, unprintable bytes replaced.
 std::string quoted(std::string_view text);
 

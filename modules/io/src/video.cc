@@ -3,64 +3,28 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
-#include <mutex>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
 
+#include "opencv_image.h"
 #include "semblance/core/atomic_file.h"
-#include "semblance/core/conventions.h"
 #include "semblance/core/errors.h"
+#include "text.h"
 
 namespace semblance {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// The most pixels of a side that is believed; beyond it the header is taken for damaged.
-constexpr int largest_side = 16384;
 /// A container may count frames that hold nothing to show: this many may be missing.
 constexpr int tolerated_missing_frames = 2;
 
-/// OpenCV and FFmpeg write to stderr on their own; every failure is thrown here instead.
-void silence_libraries() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
-    if (std::getenv("OPENCV_LOG_LEVEL") == nullptr) {
-      cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-    }
-  });
-}
-
 bool is_image_name(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = text::lower_extension(path.string());
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
-}
-
-void check_size(const std::string& source, int width, int height) {
-  if (width > 0 && height > 0 && width <= largest_side && height <= largest_side) return;
-  throw InvalidInput(
-      fmt::format("{}: has frames of {} x {} pixels; between 1 and {} in each "
-                  "direction were expected. The file may be damaged",
-                  source, width, height, largest_side));
-}
-
-void copy_rgb(const cv::Mat& bgr, Rgb8& frame) {
-  frame.width = bgr.cols;
-  frame.height = bgr.rows;
-  frame.data.resize(static_cast<std::size_t>(bgr.cols) * bgr.rows * 3);
-  cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, frame.data.data());
-  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
 }
 
 /// Where frames come from: one function, false at the end.
@@ -92,7 +56,7 @@ class FileReader : public Reader {
     info.frames_per_second = std::isfinite(rate) && rate > 0.0 && rate < 1e5 ? rate : 0.0;
     const double count = capture_.get(cv::CAP_PROP_FRAME_COUNT);
     info.frame_count = count > 0.0 && count < 1e9 ? static_cast<int>(count) : 0;
-    check_size(path, info.width, info.height);
+    check_image_size(path, info.width, info.height);
     info_ = &info;
   }
 
@@ -101,7 +65,7 @@ class FileReader : public Reader {
     if (!capture_.retrieve(bgr_) || bgr_.empty() || bgr_.type() != CV_8UC3) {
       throw InvalidInput(fmt::format("{}: frame {} cannot be decoded", path_, position_ - 1));
     }
-    copy_rgb(bgr_, frame);
+    rgb8_from_bgr(bgr_, frame);
     return true;
   }
 
@@ -171,24 +135,19 @@ class FolderReader : public Reader {
  private:
   void decode(std::size_t index, Rgb8& frame) const {
     const std::string& file = files_[index];
-    cv::Mat bgr;
-    try {
-      bgr = cv::imread(file, cv::IMREAD_COLOR);
-    } catch (const cv::Exception&) {
-      bgr.release();
-    }
+    const cv::Mat bgr = read_bgr(file);
     if (bgr.empty()) {
       throw InvalidInput(
           fmt::format("{}: (frame {}) is not an image that can be decoded", file, index));
     }
-    check_size(file, bgr.cols, bgr.rows);
+    check_image_size(file, bgr.cols, bgr.rows);
     if (width_ != 0 && (bgr.cols != width_ || bgr.rows != height_)) {
       throw InvalidInput(
           fmt::format("{}: (frame {}) has {} x {} pixels, but the first image has "
                       "{} x {}; all must have the same size",
                       file, index, bgr.cols, bgr.rows, width_, height_));
     }
-    copy_rgb(bgr, frame);
+    rgb8_from_bgr(bgr, frame);
   }
 
   std::vector<std::string> files_;
@@ -206,7 +165,7 @@ struct VideoSource::Impl {
 };
 
 VideoSource::VideoSource(const std::string& path) : impl_(std::make_unique<Impl>()) {
-  silence_libraries();
+  silence_opencv();
   impl_->info.path = path;
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
@@ -221,7 +180,7 @@ VideoSource::VideoSource(const std::string& path) : impl_(std::make_unique<Impl>
   }
   impl_->first.emplace();
   if (!impl_->reader->read(*impl_->first)) throw InvalidInput(path + ": holds no frame");
-  check_size(path, impl_->first->width, impl_->first->height);
+  check_image_size(path, impl_->first->width, impl_->first->height);
   // Rotated recordings are delivered upright, whatever the header says of the size.
   impl_->info.width = impl_->first->width;
   impl_->info.height = impl_->first->height;
@@ -266,30 +225,6 @@ void VideoSource::skip_to(int index) {
   }
 }
 
-Image linear_from_rgb8(const Rgb8& image) {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> values{};
-    for (int i = 0; i < 256; ++i) values[i] = linear_from_srgb(static_cast<float>(i) / 255.0f);
-    return values;
-  }();
-  Image linear(image.width, image.height, 3);
-  for (std::size_t i = 0; i < image.data.size(); ++i) linear.data[i] = table[image.data[i]];
-  return linear;
-}
-
-Rgb8 rgb8_from_linear(const Image& image) {
-  if (image.channels != 3) {
-    throw InvalidInput(
-        fmt::format("an image of {} channels cannot be written; 3 were expected", image.channels));
-  }
-  Rgb8 encoded{image.width, image.height, std::vector<std::uint8_t>(image.data.size())};
-  for (std::size_t i = 0; i < image.data.size(); ++i) {
-    encoded.data[i] =
-        static_cast<std::uint8_t>(std::lround(255.0f * srgb_from_linear(image.data[i])));
-  }
-  return encoded;
-}
-
 struct VideoWriter::Impl {
   Impl(const std::string& path, int width_in, int height_in)
       : file(path), width(width_in), height(height_in) {}
@@ -301,8 +236,8 @@ struct VideoWriter::Impl {
 };
 
 VideoWriter::VideoWriter(const std::string& path, int width, int height, double frames_per_second) {
-  silence_libraries();
-  check_size(path, width, height);
+  silence_opencv();
+  check_image_size(path, width, height);
   if (!(frames_per_second > 0.0) || frames_per_second > 1e4) {
     throw InvalidInput(fmt::format("{}: {} frames per second; a positive rate was expected", path,
                                    frames_per_second));
@@ -337,9 +272,7 @@ void VideoWriter::write(const Rgb8& frame) {
                                    impl_->file.path().string(), frame.width, frame.height,
                                    impl_->width, impl_->height));
   }
-  const cv::Mat rgb(frame.height, frame.width, CV_8UC3,
-                    const_cast<std::uint8_t*>(frame.data.data()));
-  cv::cvtColor(rgb, impl_->bgr, cv::COLOR_RGB2BGR);
+  bgr_from_rgb8(frame, impl_->bgr);
   if (frame.width % 2 != 0 || frame.height % 2 != 0) {
     cv::copyMakeBorder(impl_->bgr, impl_->bgr, 0, frame.height % 2, 0, frame.width % 2,
                        cv::BORDER_REPLICATE);

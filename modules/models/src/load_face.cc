@@ -81,15 +81,15 @@ void add_shapes(const std::vector<NamedShape>& shapes, const FaceLoadOptions& op
       if (is_identity(shape.name) != identity) continue;
       if (identity && count == options.identity_limit) break;
       const int parameter = static_cast<int>(face.parameters.size());
-      MorphField field = make_field(parameter, shape.displacement, options.threshold_m);
-      if (field.vertices.empty()) continue;
+      const float longest = shape.displacement.rowwise().norm().maxCoeff();
+      if (longest < 10.0f * options.threshold_m) continue;
       face.parameters.push_back(identity ? identity_block(shape.name)
                                          : expression_block(shape.name));
       if (!names.insert(face.parameters.back().name).second) {
         throw InvalidInput(source + ": two shapes are called '" + face.parameters.back().name +
                            "' (from '" + shape.name + "'); give each its own name");
       }
-      face.fields.push_back(std::move(field));
+      face.fields.push_back(make_field(parameter, shape.displacement, options.threshold_m));
       ++count;
     }
     if (identity) face.identity_count = count;

@@ -7,7 +7,8 @@
 
 namespace semblance {
 
-/// Throws InvalidInput naming file and key for anything missing, unknown, non-finite or out of range.
+/// Throws InvalidInput naming file and key for anything missing, unknown, non-finite or out of
+/// range.
 Camera read_camera(const std::string& path);
 void write_camera(const std::string& path, const Camera& camera);
 

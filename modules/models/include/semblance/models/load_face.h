@@ -11,8 +11,9 @@ struct FaceLoadOptions {
   /// Identity parameters kept, from the first: the most telling come first in models made by
   /// principal components. Expression parameters are always kept.
   int identity_limit = 100;
-  /// Displacements shorter than this are noise of the file's number format.
-  float threshold_m = 1e-6f;
+  /// Displacements shorter than this are left out; a shape whose longest is below ten times this
+  /// is noise of the file's number format and no parameter.
+  float threshold_m = 1e-5f;
 };
 
 /// A face model from: "builtin"; an ICT FaceKit folder (neutral OBJ, vertex_indices.json, deltas;
