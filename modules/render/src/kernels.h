@@ -65,12 +65,41 @@ struct ListArgs {
   float *pending_inverse_z, *pending_x, *pending_y;
 };
 
+struct InterpolateArgs {
+  int64_t count;
+  const int32_t* triangle;
+  const float *b1, *b2;
+  const int32_t* corners;  // rows of 3, of triangle number first_triangle on
+  int32_t first_triangle;
+  const float* rows;  // rows of 4, one per vertex
+  float* out[4];      // may be null
+};
+
+struct SampleArgs {
+  int64_t count;
+  const float *u, *v;
+  const float* texels;  // rows of 3
+  int32_t width, height;
+  float* rgb[3];
+};
+
+struct LightArgs {
+  int64_t count;
+  const float* normal[3];
+  float coefficients[9][3];
+  float* rgb[3];  // multiplied
+};
+
 struct Kernels {
   void (*project)(ProjectArgs& args);
   void (*rasterise)(RasteriseArgs& args);
   /// How many of `count` keys (a multiple of 8) are not 0.
   int64_t (*count_seen)(const PixelKey* keys, int64_t count);
   void (*list)(const ListArgs& args);
+  void (*interpolate)(const InterpolateArgs& args);
+  void (*normalize)(int64_t count, float* x, float* y, float* z);
+  void (*sample)(const SampleArgs& args);
+  void (*light)(const LightArgs& args);
 };
 
 const Kernels& portable_kernels();

@@ -12,7 +12,9 @@ namespace {
 
 const Kernels& avx2_kernels();
 const Kernels& avx2_kernels() {
-  static constexpr Kernels kernels{avx2::project, avx2::rasterise, avx2::count_seen, avx2::list};
+  static constexpr Kernels kernels{avx2::project, avx2::rasterise,   avx2::count_seen,
+                                   avx2::list,    avx2::interpolate, avx2::normalize,
+                                   avx2::sample,  avx2::light};
   return kernels;
 }
 

@@ -9,8 +9,9 @@ namespace {
 }  // namespace portable
 
 const Kernels& portable_kernels() {
-  static const Kernels kernels{portable::project, portable::rasterise, portable::count_seen,
-                               portable::list};
+  static const Kernels kernels{portable::project, portable::rasterise,   portable::count_seen,
+                               portable::list,    portable::interpolate, portable::normalize,
+                               portable::sample,  portable::light};
   return kernels;
 }
 

@@ -21,4 +21,23 @@ void check_renderable(const Scene& scene, const Camera& camera) {
   }
 }
 
+void check_shadable(const Scene& scene, Channel channels) {
+  const bool colour = has(channels, Channel::colour);
+  if (!colour && !has(channels, Channel::normal)) return;
+  for (const SceneObject& object : scene.objects) {
+    if (object.normals.rows() != object.positions_m.rows())
+      throw InvalidInput("object '" + object.name + "' has " +
+                         std::to_string(object.normals.rows()) + " normals: expected " +
+                         std::to_string(object.positions_m.rows()) + ", one per vertex");
+    const Image* texture = object.material.texture.get();
+    if (!colour || texture == nullptr) continue;
+    if (texture->channels != 3 || texture->empty())
+      throw InvalidInput("the texture of object '" + object.name + "' has " +
+                         std::to_string(texture->channels) + " channels: expected 3, linear RGB");
+    if (object.mesh->uvs.rows() != object.positions_m.rows())
+      throw InvalidInput("object '" + object.name +
+                         "' has a texture but no texture coordinates for its vertices");
+  }
+}
+
 }  // namespace semblance

@@ -167,8 +167,5 @@ inline void store_zeros(uint64_t* p) {
   _mm256_storeu_si256((__m256i*)(p + 4), _mm256_setzero_si256());
 }
 inline F8 gather(const float* base, I8 index) { return {_mm256_i32gather_ps(base, index.v, 4)}; }
-inline I8 gather(const int32_t* base, I8 index) {
-  return {_mm256_i32gather_epi32((const int*)base, index.v, 4)};
-}
 
 }  // namespace semblance::avx2

@@ -203,8 +203,5 @@ inline void store_zeros(uint64_t* p) { __builtin_memset(p, 0, 64); }
 inline F8 gather(const float* base, I8 index) {
   return each<F8>([&](int i) { return base[index.lane[i]]; });
 }
-inline I8 gather(const int32_t* base, I8 index) {
-  return each<I8>([&](int i) { return base[index.lane[i]]; });
-}
 
 }  // namespace semblance::portable
