@@ -1,0 +1,232 @@
+#include "semblance/synth/clip_spec.h"
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "semblance/core/errors.h"
+#include "semblance/io/json_file.h"
+
+namespace semblance {
+namespace {
+
+using nlohmann::json;
+
+// The one table of keys: `visit` hands every field with its range to a reader or a writer.
+template <class Spec, class Visitor>
+void visit_motion(Spec& s, Visitor& v) {
+  v.number("yaw_deg", s.yaw_deg, 0, 80);
+  v.number("pitch_deg", s.pitch_deg, 0, 60);
+  v.number("roll_deg", s.roll_deg, 0, 60);
+  v.number("distance_m", s.distance_m, 0.2, 10);
+  v.number("distance_range_m", s.distance_range_m, 0, 5);
+  v.number("sideways_m", s.sideways_m, 0, 5);
+  v.number("peak_speed_deg_s", s.peak_speed_deg_s, 1, 1000);
+  v.number("sway", s.sway, 0, 10);
+  v.number("syllables_per_s", s.syllables_per_s, 0.5, 10);
+  v.number("expression", s.expression, 0, 1.5);
+}
+
+template <class Spec, class Visitor>
+void visit_occlusion(Spec& s, Visitor& v) {
+  v.number("hand_from_s", s.hand_from_s, 0, 1e6);
+  v.number("hand_to_s", s.hand_to_s, 0, 1e6);
+  v.number("leave_from_s", s.leave_from_s, 0, 1e6);
+  v.number("leave_to_s", s.leave_to_s, 0, 1e6);
+}
+
+template <class Spec, class Visitor>
+void visit_look(Spec& s, Visitor& v) {
+  v.number("identity_sigma", s.identity_sigma, 0, 3);
+  v.number("identity_parameters", s.identity_parameters, 0, 10000);
+  v.number("skin_tone", s.skin_tone, -1, 1);
+  v.number("stubble", s.stubble, -1, 1);
+  v.number("key_light", s.key_light, 0, 1);
+  v.flag("clutter", s.clutter);
+}
+
+template <class Spec, class Visitor>
+void visit_sensor(Spec& s, Visitor& v) {
+  v.number("samples", s.samples, 1, 16);
+  v.number("lens_blur_px", s.lens_blur_px, 0, 20);
+  v.number("sub_frames", s.sub_frames, 1, 64);
+  v.number("exposure_s", s.exposure_s, 0, 1);
+  v.number("noise_levels", s.noise_levels, 0, 64);
+  v.number("tone_gamma", s.tone_gamma, 0.3, 3);
+}
+
+template <class Spec, class Visitor>
+void visit_clip(Spec& s, Visitor& v) {
+  v.text("name", s.name);
+  v.text("model", s.model);
+  v.number("density", s.density, 0.1, 10);
+  v.number("seed", s.seed, 0, 9e15);
+  v.number("frames", s.frames, 1, 1e6);
+  v.number("frames_per_second", s.frames_per_second, 1, 1000);
+  v.number("width", s.width, 16, 8192);
+  v.number("height", s.height, 16, 8192);
+  v.number("focal_px", s.focal_px, 8, 1e5);
+  v.text("output", s.output);
+  v.group("motion", [&](auto& inner) { visit_motion(s.motion, inner); });
+  v.group("occlusion", [&](auto& inner) { visit_occlusion(s.occlusion, inner); });
+  v.group("look", [&](auto& inner) { visit_look(s.look, inner); });
+  v.group("sensor", [&](auto& inner) { visit_sensor(s.sensor, inner); });
+}
+
+class Writer {
+ public:
+  template <class T>
+  void number(const char* key, const T& value, double, double) {
+    out_[key] = value;
+  }
+  void text(const char* key, const std::string& value) { out_[key] = value; }
+  void flag(const char* key, bool value) { out_[key] = value; }
+  template <class Body>
+  void group(const char* key, const Body& body) {
+    Writer inner;
+    body(inner);
+    out_[key] = inner.out_;
+  }
+  const json& result() const { return out_; }
+
+ private:
+  json out_ = json::object();
+};
+
+/// Overwrites the fields that `in` has; every key that no field asked for is an error.
+class Reader {
+ public:
+  Reader(const json& in, std::string where) : in_(in), where_(std::move(where)) {
+    if (!in.is_object()) throw InvalidInput(where_ + ": expected an object {...}");
+  }
+  template <class T>
+  void number(const char* key, T& value, double lower, double upper) {
+    const json* entry = find(key);
+    if (entry == nullptr) return;
+    if (!entry->is_number() || (std::is_integral_v<T> && !entry->is_number_integer()))
+      fail(key, std::is_integral_v<T> ? "a whole number" : "a number");
+    const double given = entry->get<double>();
+    if (!(given >= lower && given <= upper)) {
+      std::ostringstream range;
+      range << "a number from " << lower << " to " << upper;
+      fail(key, range.str());
+    }
+    value = entry->get<T>();
+  }
+  void text(const char* key, std::string& value) {
+    const json* entry = find(key);
+    if (entry == nullptr) return;
+    if (!entry->is_string() || entry->get<std::string>().empty()) fail(key, "a text");
+    value = entry->get<std::string>();
+  }
+  void flag(const char* key, bool& value) {
+    const json* entry = find(key);
+    if (entry == nullptr) return;
+    if (!entry->is_boolean()) fail(key, "true or false");
+    value = entry->get<bool>();
+  }
+  template <class Body>
+  void group(const char* key, const Body& body) {
+    const json* entry = find(key);
+    if (entry == nullptr) return;
+    Reader inner(*entry, where_ + "." + key);
+    body(inner);
+    inner.finish();
+  }
+  const json* find(const char* key) {
+    known_.insert(key);
+    const auto it = in_.find(key);
+    return it == in_.end() ? nullptr : &*it;
+  }
+  void finish() const {
+    for (const auto& [key, value] : in_.items()) {
+      if (known_.count(key) != 0) continue;
+      std::string list;
+      for (const std::string& name : known_) list += (list.empty() ? "" : ", ") + name;
+      throw InvalidInput(where_ + ": unknown key '" + key + "'; known are " + list);
+    }
+  }
+  [[noreturn]] void fail(const std::string& key, const std::string& expected) const {
+    throw InvalidInput(where_ + "." + key + ": expected " + expected);
+  }
+
+ private:
+  const json& in_;
+  std::string where_;
+  std::set<std::string> known_;
+};
+
+void apply(const json& in, const std::string& where, FaceClipSpec& spec) {
+  Reader reader(in, where);
+  visit_clip(spec, reader);
+  reader.finish();
+}
+
+void check_clip(const FaceClipSpec& spec, const std::string& where) {
+  const bool plain = spec.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                                 "0123456789-_") == std::string::npos;
+  if (!plain)
+    throw InvalidInput(where + ".name: expected letters, digits, '-' and '_' (it names a folder)");
+  if (spec.output != "png" && spec.output != "mp4" && spec.output != "avi")
+    throw InvalidInput(where + ".output: expected \"png\", \"mp4\" or \"avi\"");
+  const int samples = spec.sensor.samples;
+  if (samples != 1 && samples != 4 && samples != 16)
+    throw InvalidInput(where + ".sensor.samples: expected 1, 4 or 16");
+  if (spec.motion.distance_range_m > 0.6 * spec.motion.distance_m)
+    throw InvalidInput(where + ".motion.distance_range_m: expected at most 0.6 times distance_m");
+}
+
+}  // namespace
+
+SynthSuite read_suite(const std::string& path_or_folder) {
+  std::filesystem::path path = path_or_folder;
+  if (std::filesystem::is_directory(path)) path /= "suite.json";
+  const json in = read_json_file(path.string());
+  Reader reader(in, path.string());
+  SynthSuite suite;
+  std::string schema;
+  reader.text("schema", schema);
+  if (schema != "semblance.suite/1") reader.fail("schema", "\"semblance.suite/1\"");
+  reader.text("name", suite.name);
+  if (suite.name.empty()) reader.fail("name", "a text");
+  reader.text("about", suite.about);
+  reader.flag("same_model", suite.same_model);
+  FaceClipSpec defaults;
+  if (const json* entry = reader.find("defaults")) apply(*entry, path.string() + ": defaults", defaults);
+  const json* clips = reader.find("clips");
+  if (clips == nullptr || !clips->is_array() || clips->empty() || clips->size() > 10000)
+    reader.fail("clips", "a list of 1 to 10000 clips");
+  reader.finish();
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < clips->size(); ++i) {
+    const std::string where = path.string() + ": clips[" + std::to_string(i) + "]";
+    FaceClipSpec spec = defaults;
+    spec.name = "clip" + std::to_string(i + 1);
+    apply((*clips)[i], where, spec);
+    check_clip(spec, where);
+    if (!names.insert(spec.name).second)
+      throw InvalidInput(where + ".name: '" + spec.name + "' is taken by an earlier clip");
+    suite.clips.push_back(std::move(spec));
+  }
+  return suite;
+}
+
+std::string clip_spec_json(const FaceClipSpec& spec) {
+  Writer writer;
+  visit_clip(spec, writer);
+  return writer.result().dump(1);
+}
+
+std::string resolve_model(const FaceClipSpec& spec) {
+  const std::string prefix = "data:";
+  if (spec.model.rfind(prefix, 0) != 0) return spec.model;
+  const char* folder = std::getenv("SEMBLANCE_DATA");
+  if (folder == nullptr || *folder == '\0')
+    throw InvalidInput("model '" + spec.model +
+                       "': set the environment variable SEMBLANCE_DATA to the folder of assets");
+  return (std::filesystem::path(folder) / spec.model.substr(prefix.size())).string();
+}
+
+}  // namespace semblance
