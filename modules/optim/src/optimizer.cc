@@ -13,8 +13,14 @@ struct Method {
   std::unique_ptr<Optimizer> (*make)(const OptimizerOptions&);
 };
 
-constexpr std::array<Method, 1> methods{{
+constexpr std::array<Method, 7> methods{{
     {"lm", make_lm},
+    {"ceres", make_ceres},
+    {"anneal", make_anneal},
+    {"interacting", make_interacting},
+    {"particle", make_particle},
+    {"pso", make_pso},
+    {"cmaes", make_cmaes},
 }};
 
 }  // namespace

@@ -18,6 +18,7 @@ Run::Run(const Objective& objective, const Eigen::VectorXd& x0, Progress& progre
     throw InvalidInput("the start has " + std::to_string(x0.size()) +
                        " entries, the parameter space has " + std::to_string(space.size()));
   }
+  if (space.tangent_size() == 0) throw InvalidInput("the parameter space is empty");
   if (!x0.allFinite()) throw InvalidInput("the start has entries that are not finite");
   start_ = best_ = space.plus(x0, Eigen::VectorXd::Zero(space.tangent_size()));
 }

@@ -26,24 +26,26 @@ struct Solution {
   Termination termination = Termination::failed;
   std::int64_t evaluations = 0;  // one for evaluate, one for normal_equations
   std::vector<TracePoint> trace;
-  /// Inverse of the Gauss-Newton Hessian at x, in the tangent space, for residuals of unit variance;
-  /// absent where the optimizer has none or the Hessian is singular.
+  /// Inverse of the Gauss-Newton Hessian at x, in the tangent space, for residuals of unit
+  /// variance; absent where the optimizer has none or the Hessian is singular.
   std::optional<Eigen::MatrixXd> covariance;
   std::string message;
 };
 
 struct OptimizerOptions {
-  int max_iterations = 30;               // of the gradient methods
-  std::int64_t max_evaluations = 2000;   // of the sampling methods
-  double step_tolerance = 1e-4;          // converged: every step below this times tangent_scale()
-  double cost_tolerance = 1e-6;          // converged: relative decrease below this
-  double initial_damping = 1e-4;         // of Levenberg-Marquardt, relative to the diagonal
-  double search_radius = 1.0;            // of the sampling methods, in units of tangent_scale()
-  int population = 24;                   // of swarm, CMA-ES, interacting annealing, particle filter
+  int max_iterations = 30;              // of the gradient methods
+  std::int64_t max_evaluations = 2000;  // of the sampling methods
+  double step_tolerance = 1e-4;         // converged: every step below this times tangent_scale()
+  double cost_tolerance = 1e-6;         // converged: relative decrease below this
+  double initial_damping = 1e-4;        // of Levenberg-Marquardt, relative to the diagonal
+  double search_radius = 1.0;           // of the sampling methods, in units of tangent_scale()
+  int population = 24;                  // of swarm, CMA-ES, interacting annealing, particle filter
   std::uint64_t seed = 1;
 };
 
-/// A method. `minimize` never returns a cost above that of x0 and never a non-finite x.
+/// A method. `minimize` starts at x0 clamped to its bounds, and never returns a cost above that of
+/// the start nor a non-finite x. Of `progress` it only asks whether to stop: it runs inside a task
+/// of its caller's. Throws InvalidInput if x0 has the wrong size or is not finite.
 class Optimizer {
  public:
   virtual ~Optimizer() = default;
