@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "parsers.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/mesh_io.h"
@@ -175,10 +176,11 @@ MeshFile ObjParser::finish() {
 
 }  // namespace
 
-MeshFile read_obj(const std::string& path) {
-  const std::string content = text::read_file(path);
-  return ObjParser(path, content).finish();
+MeshFile parse_obj(std::string_view content, const std::string& source) {
+  return ObjParser(source, content).finish();
 }
+
+MeshFile read_obj(const std::string& path) { return parse_obj(text::read_file(path), path); }
 
 void write_obj(const std::string& path, const Mesh& mesh) {
   validate(mesh, path);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "parsers.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/mesh_io.h"
@@ -307,10 +308,11 @@ void append(std::string& out, T value) {
 
 }  // namespace
 
-Mesh read_ply(const std::string& path) {
-  const std::string content = text::read_file(path);
-  return PlyParser(path, content).finish();
+Mesh parse_ply(std::string_view content, const std::string& source) {
+  return PlyParser(source, content).finish();
 }
+
+Mesh read_ply(const std::string& path) { return parse_ply(text::read_file(path), path); }
 
 void write_ply(const std::string& path, const Mesh& mesh) {
   validate(mesh, path);

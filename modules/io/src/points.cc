@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "parsers.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/json_file.h"
@@ -14,15 +15,16 @@ namespace {
 
 constexpr int most_points = 100000;
 
+}  // namespace
+
 /// "version: 1", "n_points: N", then N lines "x y" between braces.
-std::vector<Eigen::Vector2d> read_pts(const std::string& path) {
-  const std::string content = text::read_file(path, std::uintmax_t{16} << 20);
+std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source) {
   text::Lines lines(content);
   int declared = -1;
   bool inside = false, closed = false;
   std::vector<Eigen::Vector2d> points;
   const auto fail = [&](const std::string& what) {
-    throw InvalidInput(fmt::format("{}:{}: {}", path, lines.number(), what));
+    throw InvalidInput(fmt::format("{}:{}: {}", source, lines.number(), what));
   };
   for (std::string_view line; !closed && lines.next(line);) {
     const std::string_view whole = line;
@@ -59,34 +61,34 @@ std::vector<Eigen::Vector2d> read_pts(const std::string& path) {
   return points;
 }
 
-std::vector<Eigen::Vector2d> read_json_points(const std::string& path) {
-  const nlohmann::json json = read_json_file(path);
+std::vector<Eigen::Vector2d> parse_json_points(std::string_view content,
+                                               const std::string& source) {
+  const nlohmann::json json = parse_json(content, source);
   if (!json.is_object() || json.size() != 1 || !json.contains("points") ||
       !json["points"].is_array()) {
-    throw InvalidInput(path + ": an object with the one key 'points', an array, was expected");
+    throw InvalidInput(source + ": an object with the one key 'points', an array, was expected");
   }
   const nlohmann::json& list = json["points"];
   if (list.empty() || list.size() > static_cast<std::size_t>(most_points)) {
-    throw InvalidInput(fmt::format("{}: 'points' has {} entries; 1 to {} were expected", path,
+    throw InvalidInput(fmt::format("{}: 'points' has {} entries; 1 to {} were expected", source,
                                    list.size(), most_points));
   }
   std::vector<Eigen::Vector2d> points;
   for (const nlohmann::json& point : list) {
     if (!point.is_array() || point.size() != 2 || !point[0].is_number() || !point[1].is_number()) {
-      throw InvalidInput(fmt::format("{}: entry {} of 'points' (from 0) must be two numbers", path,
-                                     points.size()));
+      throw InvalidInput(fmt::format("{}: entry {} of 'points' (from 0) must be two numbers",
+                                     source, points.size()));
     }
     points.emplace_back(point[0].get<double>(), point[1].get<double>());
   }
   return points;
 }
 
-}  // namespace
-
 std::vector<Eigen::Vector2d> read_points(const std::string& path) {
   const std::string extension = text::lower_extension(path);
-  if (extension == ".pts") return read_pts(path);
-  if (extension == ".json") return read_json_points(path);
+  constexpr std::uintmax_t limit_bytes = std::uintmax_t{16} << 20;
+  if (extension == ".pts") return parse_pts(text::read_file(path, limit_bytes), path);
+  if (extension == ".json") return parse_json_points(text::read_file(path, limit_bytes), path);
   throw InvalidInput(path + ": points are read from .pts or .json files");
 }
 

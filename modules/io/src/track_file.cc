@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "camera_json.h"
+#include "parsers.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/version.h"
@@ -189,10 +190,10 @@ namespace {
 /// Reads lines of one result file; knows their numbers for messages.
 class TrackReader {
  public:
-  TrackReader(std::string path, const std::string& content) : path_(std::move(path)) {
+  TrackReader(std::string path, std::string_view content) : path_(std::move(path)) {
     const std::size_t end = content.rfind('\n');
-    whole_bytes_ = end == std::string::npos ? 0 : end + 1;
-    text::Lines lines(std::string_view(content).substr(0, whole_bytes_));
+    whole_bytes_ = end == std::string_view::npos ? 0 : end + 1;
+    text::Lines lines(content.substr(0, whole_bytes_));
     std::string_view line;
     if (!lines.next(line)) {
       throw InvalidInput(path_ + ": has no whole line; a track file's first line is its header");
@@ -329,9 +330,11 @@ void TrackReader::read_estimate(const Json& json, TrackFrame& frame) const {
 
 }  // namespace
 
-Track read_track(const std::string& path) {
-  return TrackReader(path, text::read_file(path)).take();
+Track parse_track(std::string_view content, const std::string& source) {
+  return TrackReader(source, content).take();
 }
+
+Track read_track(const std::string& path) { return parse_track(text::read_file(path), path); }
 
 TrackWriter TrackWriter::append(const std::string& path) {
   const TrackReader reader(path, text::read_file(path));

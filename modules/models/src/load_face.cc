@@ -10,6 +10,7 @@
 #include "load_face_parts.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/json_file.h"
+#include "semblance/models/face.h"
 
 namespace semblance {
 
@@ -38,6 +39,7 @@ std::string parameter_name(const std::string& shape_name) {
 }
 
 MorphShape load_face(const std::string& name_or_path, const FaceLoadOptions& options) {
+  if (name_or_path == "builtin") return make_sweep_face();
   std::error_code error;
   const fs::path path(name_or_path);
   if (fs::is_directory(path, error)) {
@@ -49,6 +51,9 @@ MorphShape load_face(const std::string& name_or_path, const FaceLoadOptions& opt
     throw InvalidInput("face model '" + name_or_path +
                        "': no such file or folder; give 'builtin', an ICT FaceKit folder, a folder "
                        "of OBJ files, or a glTF or GLB file");
+  }
+  if (path.extension() == ".glb" || path.extension() == ".gltf") {
+    return load::gltf_face(name_or_path, options);
   }
   throw InvalidInput(name_or_path +
                      ": is not a face model; a folder of OBJ files, or a file named .glb or .gltf, "

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "semblance/io/mesh_io.h"
@@ -12,6 +13,9 @@ namespace semblance::load {
 MorphShape ict_face(const std::string& folder, const FaceLoadOptions& options);
 MorphShape obj_folder_face(const std::string& folder, const FaceLoadOptions& options);
 MorphShape gltf_face(const std::string& path, const FaceLoadOptions& options);
+/// The same for the content of a file; `source` names it, and lies where further files would.
+MorphShape gltf_face_from_bytes(std::string_view content, const std::string& source,
+                                const FaceLoadOptions& options);
 
 /// A shape as a file names it, and how every vertex of the mesh moves at weight 1.
 struct NamedShape {

@@ -1,0 +1,20 @@
+// The readers of text and bytes behind the readers of files: for the latter, and for fuzzing.
+// `source` names the input in messages.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "semblance/io/mesh_io.h"
+#include "semblance/io/points.h"
+#include "semblance/io/track_file.h"
+
+namespace semblance {
+
+MeshFile parse_obj(std::string_view content, const std::string& source);
+Mesh parse_ply(std::string_view content, const std::string& source);
+std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source);
+std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
+Track parse_track(std::string_view content, const std::string& source);
+
+}  // namespace semblance
