@@ -1,5 +1,6 @@
 #include "semblance/pipeline/overlay.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -240,11 +241,20 @@ struct OverlayPainter::Impl {
     }
     coverage.create(picture.rows, picture.cols, CV_8UC1);
     coverage.setTo(0);
+    Eigen::AlignedBox2d drawn;
     for (const auto& [a, b] : wire.edges) {
       const double both = std::min(strength[a], strength[b]);
-      if (both > 0.0) draw_line(coverage, pixels[a], pixels[b], cv::Scalar(255.0 * both), 1);
+      if (both <= 0.0) continue;
+      draw_line(coverage, pixels[a], pixels[b], cv::Scalar(255.0 * both), 1);
+      drawn.extend(pixels[a]).extend(pixels[b]);
     }
-    blend(picture, coverage, k_wire, 0.5);
+    if (drawn.isEmpty()) return;
+    const Eigen::Vector2d low = drawn.min().array() - 2.0, size = drawn.sizes().array() + 4.0;
+    const cv::Rect part = cv::Rect(static_cast<int>(low.x()), static_cast<int>(low.y()),
+                                   static_cast<int>(size.x()) + 1, static_cast<int>(size.y()) + 1) &
+                          cv::Rect(0, 0, picture.cols, picture.rows);
+    cv::Mat under = picture(part);
+    blend(under, coverage(part), k_wire, 0.5);
   }
 
   void draw_landmarks(cv::Mat& picture, const TrackFrame& track) const {

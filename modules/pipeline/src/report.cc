@@ -119,16 +119,16 @@ struct Column {
   std::string name, unit;
 };
 
-/// Columns of x as the header describes them; blocks of several entries are numbered.
 std::vector<Column> columns_of(const nlohmann::json& header) {
   std::vector<Column> columns;
-  for (const auto& item : header.value("parameters", nlohmann::json::array())) {
-    const std::string name = item.value("name", ""), unit = item.value("unit", "1");
-    const int size = item.value("size", 1);
-    for (int i = 0; i < size; ++i)
-      columns.push_back({size == 1 ? name : fmt::format("{}[{}]", name, i), unit});
-  }
+  for (const auto& entry : header.value("parameters", nlohmann::json::array()))
+    columns.push_back({entry.value("name", ""), entry.value("unit", "1")});
   return columns;
+}
+
+/// Deviation of an entry of x, NaN where the frame has none.
+double sigma_of(const TrackFrame& frame, Eigen::Index entry) {
+  return frame.sigma.size() == 0 ? k_nan : frame.sigma[entry];
 }
 
 std::string plain(const std::string& name) {
@@ -147,12 +147,11 @@ bool is_pose(const Column& column) {
 class Page {
  public:
   explicit Page(const ReportInput& input)
-      : input_(input), frames_(input.track.frames), columns_(columns_of(input.track.header)) {
-    for (const TrackFrame& frame : frames_) {
-      check(frame);
-      axis_.time_s.push_back(frame.time_s);
-      axis_.status.push_back(frame.status);
-    }
+      : input_(input),
+        frames_(input.track.frames),
+        columns_(columns_of(input.track.header)),
+        axis_(frames_) {
+    for (const TrackFrame& frame : frames_) check(frame);
   }
 
   std::string html() {
@@ -174,7 +173,7 @@ class Page {
   void check(const TrackFrame& frame) const {
     if (frame.status == TrackStatus::lost) return;
     if (frame.x.size() != static_cast<Eigen::Index>(columns_.size()) ||
-        frame.sigma.size() != frame.x.size())
+        (frame.sigma.size() != 0 && frame.sigma.size() != frame.x.size()))
       throw InvalidInput(fmt::format(
           "report of {}: frame {} has {} parameters and {} deviations where the header names {}",
           input_.title, frame.frame, frame.x.size(), frame.sigma.size(), columns_.size()));
@@ -199,7 +198,7 @@ class Page {
     series.title = columns_[column].name;
     series.unit = columns_[column].unit == "1" ? "" : columns_[column].unit;
     series.values = collect([&](const TrackFrame& f) { return f.x[i]; });
-    series.sigma = collect([&](const TrackFrame& f) { return f.sigma[i]; });
+    series.sigma = collect([&](const TrackFrame& f) { return sigma_of(f, i); });
     return series;
   }
 
@@ -212,7 +211,7 @@ class Page {
     out_ += fmt::format(
         "<body><main data-begin=\"{:.6f}\" data-end=\"{:.6f}\" data-step=\"{:.6f}\" "
         "data-first=\"{}\">\n",
-        axis_.begin_s(), axis_.end_s(), axis_.frame_s(), frames_.empty() ? 0 : frames_[0].frame);
+        axis_.begin_s, axis_.end_s, axis_.frame_s, frames_.empty() ? 0 : frames_[0].frame);
     out_ += chart_definitions();
     const auto size = input_.track.header.value("frame_size", nlohmann::json::array());
     const std::string picture =
@@ -220,7 +219,7 @@ class Page {
     out_ += fmt::format(
         "<h1>{}</h1>\n<p class=\"sub\">Tracking report, {}{}, {} frames, {:.2f} s</p>\n",
         escape_html(input_.title), escape_html(input_.track.header.value("kind", "unknown kind")),
-        picture, frames_.size(), frames_.empty() ? 0.0 : axis_.end_s() - axis_.begin_s());
+        picture, frames_.size(), frames_.empty() ? 0.0 : axis_.end_s - axis_.begin_s);
   }
 
   void card(const std::string& figure, const std::string& label, const char* kind = "") {
@@ -304,7 +303,7 @@ class Page {
       series.unit = "cm";
       series.values = collect([&](const TrackFrame& f) { return 100.0 * f.translation_m[axis]; });
       if (const auto column = find_column(fmt::format("translation[{}]", axis)))
-        series.sigma = collect([&](const TrackFrame& f) { return 100.0 * f.sigma[*column]; });
+        series.sigma = collect([&](const TrackFrame& f) { return 100.0 * sigma_of(f, *column); });
       out_ += chart_svg(series, axis_, k_page_px, 118);
     }
   }
@@ -315,22 +314,13 @@ class Page {
     return std::nullopt;
   }
 
-  /// First order in the deviations of the quaternion's entries, by central differences.
   std::vector<double> angle_sigma(int axis) const {
     const auto first = find_column("rotation[0]");
     if (!first) return {};
     return collect([&](const TrackFrame& frame) {
-      double variance = 0.0;
-      for (int k = 0; k < 4; ++k) {
-        constexpr double k_step = 1e-5;
-        Eigen::Vector4d ahead = frame.rotation_wxyz, behind = ahead;
-        ahead[k] += k_step;
-        behind[k] -= k_step;
-        double turn = head_angles(ahead)[axis] - head_angles(behind)[axis];
-        turn = std::remainder(turn, 2.0 * std::numbers::pi);
-        variance += std::pow(turn / (2.0 * k_step) * frame.sigma[*first + k], 2);
-      }
-      return k_degrees * std::sqrt(variance);
+      Eigen::Vector4d sigma;
+      for (int k = 0; k < 4; ++k) sigma[k] = sigma_of(frame, *first + k);
+      return k_degrees * head_angles_sigma(frame.rotation_wxyz, sigma)[axis];
     });
   }
 
@@ -519,6 +509,19 @@ Eigen::Vector3d head_angles(const Eigen::Vector4d& rotation_wxyz) {
   // (cos b sin c, cos b cos c, -sin b).
   return {std::atan2(R(0, 2), R(2, 2)), std::asin(std::clamp(R(1, 2), -1.0, 1.0)),
           std::atan2(R(1, 0), R(1, 1))};
+}
+
+Eigen::Vector3d head_angles_sigma(const Eigen::Vector4d& rotation_wxyz,
+                                  const Eigen::Vector4d& sigma) {
+  constexpr double k_step = 1e-5;  // central differences: error of the order of its square
+  Eigen::Vector3d variance = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 4; ++k) {
+    const Eigen::Vector4d step = k_step * Eigen::Vector4d::Unit(k);
+    Eigen::Vector3d turn = head_angles(rotation_wxyz + step) - head_angles(rotation_wxyz - step);
+    for (double& angle : turn) angle = std::remainder(angle, 2.0 * std::numbers::pi);
+    variance += (turn / (2.0 * k_step) * sigma[k]).cwiseAbs2();
+  }
+  return variance.cwiseSqrt();
 }
 
 void write_report(const std::string& path, const ReportInput& input) {

@@ -108,8 +108,8 @@ class Chart {
 
  private:
   double x(double time_s) const {
-    const double span = axis_.end_s() - axis_.begin_s();
-    return k_left + (time_s - axis_.begin_s()) / span * (width_ - k_left - k_right);
+    const double span = axis_.end_s - axis_.begin_s;
+    return k_left + (time_s - axis_.begin_s) / span * (width_ - k_left - k_right);
   }
   double y(double value) const {
     const double plot = height_ - k_top - k_bottom;
@@ -117,7 +117,7 @@ class Chart {
   }
 
   void draw_states() {
-    const double half = 0.5 * axis_.frame_s();
+    const double half = 0.5 * axis_.frame_s;
     for (const Span& span : lost_spans(axis_.status)) {
       const double from = x(axis_.time_s[span.first] - half),
                    to = x(axis_.time_s[span.last] + half);
@@ -142,8 +142,8 @@ class Chart {
           "<text class=\"tick\" x=\"{3}\" y=\"{4:.1f}\" text-anchor=\"end\">{5:.{6}f}</text>\n",
           k_left, width_ - k_right, y(v), k_left - 5, y(v) + 3.5, shown, values.decimals);
     }
-    const Ticks times = round_ticks(axis_.begin_s(), axis_.end_s(), width_ > 700 ? 12 : 6);
-    for (double t = times.first; t <= axis_.end_s(); t += times.step)
+    const Ticks times = round_ticks(axis_.begin_s, axis_.end_s, width_ > 700 ? 12 : 6);
+    for (double t = times.first; t <= axis_.end_s; t += times.step)
       out_ += fmt::format(
           "<text class=\"tick\" x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:.{}f} s</text>\n",
           x(t), height_ - 4, unsigned_zero(t, times.step), times.decimals);
@@ -225,14 +225,19 @@ std::string escape_html(const std::string& text) {
   return out;
 }
 
-double TimeAxis::frame_s() const {
+TimeAxis::TimeAxis(const std::vector<TrackFrame>& frames) {
+  constexpr double k_usual_frame_s = 0.04;  // where there is no second frame to tell
   std::vector<double> steps;
-  for (std::size_t i = 1; i < time_s.size(); ++i) steps.push_back(time_s[i] - time_s[i - 1]);
+  for (const TrackFrame& frame : frames) {
+    if (!time_s.empty()) steps.push_back(frame.time_s - time_s.back());
+    time_s.push_back(frame.time_s);
+    status.push_back(frame.status);
+  }
   const double step = median_of_finite(steps);
-  return step > 0.0 ? step : 0.04;
+  frame_s = step > 0.0 ? step : k_usual_frame_s;
+  begin_s = (time_s.empty() ? 0.0 : time_s.front()) - 0.5 * frame_s;
+  end_s = (time_s.empty() ? 0.0 : time_s.back()) + 0.5 * frame_s;
 }
-double TimeAxis::begin_s() const { return time_s.empty() ? 0.0 : time_s.front() - 0.5 * frame_s(); }
-double TimeAxis::end_s() const { return time_s.empty() ? 1.0 : time_s.back() + 0.5 * frame_s(); }
 
 std::vector<Span> lost_spans(const std::vector<TrackStatus>& status) {
   std::vector<Span> spans;
@@ -270,8 +275,8 @@ std::string chart_svg(const Series& series, const TimeAxis& axis, int width_px, 
 }
 
 std::string status_strip_svg(const TimeAxis& axis, int width_px) {
-  const double scale = (width_px - k_left - k_right) / (axis.end_s() - axis.begin_s());
-  const double half = 0.5 * axis.frame_s();
+  const double scale = (width_px - k_left - k_right) / (axis.end_s - axis.begin_s);
+  const double half = 0.5 * axis.frame_s;
   std::string out = fmt::format(
       "<svg class=\"chart strip\" viewBox=\"0 0 {} 16\" data-left=\"{}\" data-right=\"{}\">"
       "<title>State over time</title>\n",
@@ -279,8 +284,8 @@ std::string status_strip_svg(const TimeAxis& axis, int width_px) {
   for (std::size_t i = 0; i < axis.status.size();) {
     std::size_t last = i;
     while (last + 1 < axis.status.size() && axis.status[last + 1] == axis.status[i]) ++last;
-    const double from = k_left + (axis.time_s[i] - half - axis.begin_s()) * scale;
-    const double to = k_left + (axis.time_s[last] + half - axis.begin_s()) * scale;
+    const double from = k_left + (axis.time_s[i] - half - axis.begin_s) * scale;
+    const double to = k_left + (axis.time_s[last] + half - axis.begin_s) * scale;
     const char* colour = axis.status[i] == TrackStatus::tracked ? k_green
                          : axis.status[i] == TrackStatus::lost  ? k_red
                                                                 : k_amber;

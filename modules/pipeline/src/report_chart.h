@@ -23,12 +23,12 @@ struct Series {
 
 /// What all charts of a page share.
 struct TimeAxis {
+  explicit TimeAxis(const std::vector<TrackFrame>& frames);
+
   std::vector<double> time_s;
   std::vector<TrackStatus> status;
-
-  double begin_s() const;  // half a frame before the first
-  double end_s() const;    // half a frame after the last
-  double frame_s() const;  // median distance of frames
+  double frame_s = 0.0;               // median distance of frames
+  double begin_s = 0.0, end_s = 0.0;  // half a frame before the first and after the last
 };
 
 /// Curve, band of +-2 sigma, shaded lost spans and marks where tracking began anew.

@@ -35,6 +35,9 @@ void write_report(const std::string& path, const ReportInput& input);
 
 /// Yaw, pitch and roll in radian of a unit quaternion (w, x, y, z), as defined for write_report.
 Eigen::Vector3d head_angles(const Eigen::Vector4d& rotation_wxyz);
+/// Their deviations, to first order, when the quaternion's entries vary independently.
+Eigen::Vector3d head_angles_sigma(const Eigen::Vector4d& rotation_wxyz,
+                                  const Eigen::Vector4d& sigma);
 
 /// Indices, ascending, of at most two values in each of `buckets` equal parts of the sequence: the
 /// least and the greatest, so that no extreme is lost. Non-finite values are left out.
