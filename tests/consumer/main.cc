@@ -1,8 +1,8 @@
 // Projects the corner of a cube and prints the pixel.
-#include <cmath>
-#include <cstdio>
 #include <semblance/core/camera.h>
 #include <semblance/core/version.h>
+#include <cmath>
+#include <cstdio>
 
 int main() {
   const auto camera = semblance::Camera::centred(640, 480, 500.0);

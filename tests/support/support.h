@@ -23,6 +23,6 @@ class TemporaryFolder {
 }  // namespace semblance::testing
 
 /// Ends the test as skipped, saying what is missing, unless the real data has the file.
-#define SEMBLANCE_NEED_DATA(relative)                                        \
-  if (!std::filesystem::exists(::semblance::testing::data_path(relative)))   \
+#define SEMBLANCE_NEED_DATA(relative)                                      \
+  if (!std::filesystem::exists(::semblance::testing::data_path(relative))) \
   GTEST_SKIP() << "needs " << ::semblance::testing::data_path(relative) << " (set SEMBLANCE_DATA)"

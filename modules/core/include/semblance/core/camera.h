@@ -15,7 +15,7 @@ struct Camera {
   enum class Lens { pinhole, brown5 };
 
   std::string name = "camera";
-  int width = 0, height = 0;                          // pixels
+  int width = 0, height = 0;                           // pixels
   Eigen::Vector2d focal_px = Eigen::Vector2d::Ones();  // fx, fy
   Eigen::Vector2d principal_px = Eigen::Vector2d::Zero();
   Lens lens = Lens::pinhole;
