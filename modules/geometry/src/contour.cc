@@ -93,8 +93,9 @@ ValueSlope PeriodicContour::at(double angle_rad) const {
   const double b = (angle - angles_[i]) / h, a = 1.0 - b;
   const double value = a * values_[i] + b * values_[j] +
                        ((a * a * a - a) * second_[i] + (b * b * b - b) * second_[j]) * h * h / 6.0;
-  const double slope = (values_[j] - values_[i]) / h +
-                       ((3.0 * b * b - 1.0) * second_[j] - (3.0 * a * a - 1.0) * second_[i]) * h / 6.0;
+  const double slope =
+      (values_[j] - values_[i]) / h +
+      ((3.0 * b * b - 1.0) * second_[j] - (3.0 * a * a - 1.0) * second_[i]) * h / 6.0;
   return {value, slope};
 }
 
@@ -159,9 +160,11 @@ SweptPoint ContourStack::at(double u, double v) const {
   const double c0 = speed_start_[i], c1 = speed_end_[i];
   // The trajectory keeps n = 0: with it an unbiased segment has z linear in v.
   const ValueSlope z = HomotopyPath{heights_[i], heights_[i + 1], c0, c1, 0.0}.at(t);
-  const ValueSlope r = HomotopyPath{r0.value, r1.value, c0 * m0.value, c1 * m1.value, blend_[i]}.at(t);
+  const ValueSlope r =
+      HomotopyPath{r0.value, r1.value, c0 * m0.value, c1 * m1.value, blend_[i]}.at(t);
   // d/du is the same homotopy of the u-derivatives, being linear in the ends.
-  const ValueSlope d = HomotopyPath{r0.slope, r1.slope, c0 * m0.slope, c1 * m1.slope, blend_[i]}.at(t);
+  const ValueSlope d =
+      HomotopyPath{r0.slope, r1.slope, c0 * m0.slope, c1 * m1.slope, blend_[i]}.at(t);
   return {r.value, z.value, d.value, r.slope, z.slope};
 }
 

@@ -62,7 +62,6 @@ double jaw_share(const Vertex& v) {
       break;
   }
   if (is_lip_lining(place) && place.depth == 4) return 0.5;
-  if (is_lip_lining(place) && place.depth == 3) return v.lower ? 1.0 : 0.0;
   const double below = v.contact - v.p.y();
   const double smooth = smooth_step(below, -17.0, 17.0);
   double share = smooth;
@@ -78,14 +77,23 @@ double jaw_share(const Vertex& v) {
   return share * side * neck;
 }
 
+// How much of the lips' motion the lining behind them takes. At the mouth's corners the sheets meet
+// and move as one; away from them the palate, the floor and the throat stay.
+double lining_share(const Vertex& v) {
+  static constexpr double inside[] = {1.0, 1.0, 0.7, 0.0, 0.0};
+  const double open = std::sqrt(std::max(0.0, 1.0 - v.mouth * v.mouth));
+  return 1.0 - (1.0 - inside[v.place.depth]) * open;
+}
+
 double left_share(double x) { return smooth_step(x, -9.0, 9.0); }
 
 // Lips and their surroundings, falling off around the mouth.
 double around_mouth(const Vertex& v, double reach) {
   if (!is_face(v.place) || is_lid_lining(v.place)) return 0.0;
-  if (is_lip_lining(v.place)) return v.place.depth <= 2 ? (v.place.depth == 1 ? 1.0 : 0.6) : 0.0;
-  if (v.p.z() < -40.0) return 0.0;
-  const double dx = std::max(0.0, v.p.x() - 20.0), dy = v.p.y() - v.contact;
+  if (v.p.z() < -40.0 && !is_lip_lining(v.place)) return 0.0;
+  const double dx = std::max(0.0, v.p.x() - 20.0);
+  if (is_lip_lining(v.place)) return lining_share(v) * std::exp(-dx * dx / (reach * reach));
+  const double dy = v.p.y() - v.contact;
   return std::exp(-(dx * dx + dy * dy) / (reach * reach)) * smooth_step(-v.p.y(), 36, 52);
 }
 
@@ -103,10 +111,8 @@ double lower_lid_share(const Vertex& v) {
 
 class Maker {
  public:
-  Maker(const std::vector<Place>& places, const Points& neutral)
-      : places_(places), neutral_(neutral) {
-    contact_.resize(places.size());
-  }
+  Maker(const std::vector<Place>& places, const Points& neutral, const Identity& identity)
+      : places_(places), neutral_(neutral), identity_(identity) {}
 
   Expressions make() {
     jaw();
@@ -161,9 +167,24 @@ class Maker {
 
   // A homotopy path common to all vertices: displacement `change` at 1, velocities at 0 and 1.
   void path(double n, const Motion& change, const Motion& start, const Motion& end) {
-    field([n](double t) { const auto w = homotopy_weights(t, n).change; return Weight{w.value, w.slope}; }, change);
-    field([n](double t) { const auto w = homotopy_weights(t, n).start; return Weight{w.value, w.slope}; }, start);
-    field([n](double t) { const auto w = homotopy_weights(t, n).end; return Weight{w.value, w.slope}; }, end);
+    field(
+        [n](double t) {
+          const auto w = homotopy_weights(t, n).change;
+          return Weight{w.value, w.slope};
+        },
+        change);
+    field(
+        [n](double t) {
+          const auto w = homotopy_weights(t, n).start;
+          return Weight{w.value, w.slope};
+        },
+        start);
+    field(
+        [n](double t) {
+          const auto w = homotopy_weights(t, n).end;
+          return Weight{w.value, w.slope};
+        },
+        end);
   }
   // A path whose velocities are the change with the radial and tangential parts (about the middle
   // of the mouth, in the frontal plane) weighted differently: it bends.
@@ -192,26 +213,38 @@ class Maker {
 
   void jaw() {
     parameter("jaw_open", 0.0, "jaw turned about the condyles' axis, 1 is 19 degrees");
-    const auto arm = [](const Vertex& v) { return Vector3d(0, v.p.y() - condyle_mm.y(), v.p.z() - condyle_mm.z()); };
-    field([](double t) { return Weight{std::sin(jaw_open_rad * t), jaw_open_rad * std::cos(jaw_open_rad * t)}; },
-          [arm](const Vertex& v) -> Vector3d {
-            const Vector3d a = arm(v);
-            return jaw_share(v) * Vector3d(0, -a.z(), a.y());
-          });
-    field([](double t) { return Weight{1 - std::cos(jaw_open_rad * t), jaw_open_rad * std::sin(jaw_open_rad * t)}; },
-          [arm](const Vertex& v) -> Vector3d { return -jaw_share(v) * arm(v); });
+    const auto arm = [](const Vertex& v) {
+      return Vector3d(0, v.p.y() - condyle_mm.y(), v.p.z() - condyle_mm.z());
+    };
+    field(
+        [](double t) {
+          return Weight{std::sin(jaw_open_rad * t), jaw_open_rad * std::cos(jaw_open_rad * t)};
+        },
+        [arm](const Vertex& v) -> Vector3d {
+          const Vector3d a = arm(v);
+          return jaw_share(v) * Vector3d(0, -a.z(), a.y());
+        });
+    field(
+        [](double t) {
+          return Weight{1 - std::cos(jaw_open_rad * t), jaw_open_rad * std::sin(jaw_open_rad * t)};
+        },
+        [arm](const Vertex& v) -> Vector3d { return -jaw_share(v) * arm(v); });
     parameter("jaw_forward", 0.0, "jaw forwards, 1 is 6 mm");
     field({}, [](const Vertex& v) -> Vector3d { return jaw_share(v) * Vector3d(0, 0, 6); });
     parameter("jaw_side", -1.0, "jaw to the subject's left, 1 is 8 mm");
-    field({}, [](const Vertex& v) -> Vector3d { return jaw_share(v) * Vector3d(8, 0, 0); }, true);
+    field(
+        {}, [](const Vertex& v) -> Vector3d { return jaw_share(v) * Vector3d(8, 0, 0); }, true);
   }
 
   static double corner(const Vertex& v, double reach) {
-    if (!is_face(v.place) || is_lid_lining(v.place) || v.p.z() < -45.0) return 0.0;
-    if (is_lip_lining(v.place) && v.place.depth > 2) return 0.0;
-    const double y = is_lip_lining(v.place) ? 0.0 : v.p.y() - v.contact;
-    const double x = v.p.x() < 26.0 ? ramp(v.p.x(), 0.0, 26.0) : bump(v.p.x(), 26.0, reach);
-    return x * bump(y, 0.0, reach);
+    if (!is_face(v.place) || is_lid_lining(v.place)) return 0.0;
+    const bool lining = is_lip_lining(v.place);
+    if (!lining && v.p.z() < -45.0) return 0.0;
+    const double y = lining ? 0.0 : v.p.y() - v.contact;
+    // Quadratic in the middle, so that the lips bend there without a kink.
+    const double t = v.p.x() / 26.0;
+    const double x = t < 1.0 ? t * t * (2.0 - t) : bump(v.p.x(), 26.0, reach);
+    return x * bump(y, 0.0, reach) * (lining ? lining_share(v) : 1.0);
   }
   // Share of the upper or lower lip at the mouth's middle; the slit parts them.
   static double lip(const Vertex& v, bool lower, double reach) {
@@ -236,80 +269,139 @@ class Maker {
         bent_path(one_side(motion, left), r0, t0, r1, t1);
       }
     };
-    both("mouth_smile", "corner of the mouth outwards, then up and back",
-         [](const Vertex& v) -> Vector3d {
-           const double k = corner(v, 24.0);
-           const double apple = bump2(v.p.x(), v.p.y(), 42, -36, 15, 14) * (v.p.z() > -40 && v.place.patch == Patch::skin ? 1.0 : 0.0);
-           return k * Vector3d(8.0, 7.5, -6.0) + apple * Vector3d(1.0, 2.5, 2.5);
-         },
-         1.5, 0.5, 0.5, 1.4);
-    both("mouth_frown", "corner of the mouth down",
-         [](const Vertex& v) -> Vector3d { return corner(v, 20.0) * Vector3d(1.5, -8.0, -1.5); }, 1.3, 0.7, 0.7, 1.2);
-    both("mouth_stretch", "corner of the mouth outwards",
-         [](const Vertex& v) -> Vector3d { return corner(v, 24.0) * Vector3d(9.0, -2.5, -6.0); }, 1.2, 0.6, 0.8, 1.2);
-    both("mouth_upper_up", "upper lip raised",
-         [](const Vertex& v) -> Vector3d { return lip(v, false, 20.0) * bump(v.p.x(), 11.0, 14.0) * Vector3d(0.5, 7.0, 0.8); }, 0.9, 0.9, 0.9, 0.9);
-    both("mouth_lower_down", "lower lip lowered",
-         [](const Vertex& v) -> Vector3d { return lip(v, true, 20.0) * bump(v.p.x(), 11.0, 14.0) * Vector3d(0.8, -7.0, 0.5); }, 0.9, 0.9, 0.9, 0.9);
+    both(
+        "mouth_smile", "corner of the mouth outwards, then up and back",
+        [](const Vertex& v) -> Vector3d {
+          const double k = corner(v, 24.0);
+          const double apple = bump2(v.p.x(), v.p.y(), 42, -36, 15, 14) *
+                               (v.p.z() > -40 && v.place.patch == Patch::skin ? 1.0 : 0.0);
+          return k * Vector3d(8.0, 7.5, -6.0) + apple * Vector3d(1.0, 2.5, 2.5);
+        },
+        1.5, 0.5, 0.5, 1.4);
+    both(
+        "mouth_frown", "corner of the mouth down",
+        [](const Vertex& v) -> Vector3d { return corner(v, 20.0) * Vector3d(1.5, -8.0, -1.5); },
+        1.3, 0.7, 0.7, 1.2);
+    both(
+        "mouth_stretch", "corner of the mouth outwards",
+        [](const Vertex& v) -> Vector3d { return corner(v, 24.0) * Vector3d(9.0, -2.5, -6.0); },
+        1.2, 0.6, 0.8, 1.2);
+    both(
+        "mouth_upper_up", "upper lip raised",
+        [](const Vertex& v) -> Vector3d {
+          return lip(v, false, 20.0) * bump(v.p.x(), 11.0, 14.0) * Vector3d(0.5, 7.0, 0.8);
+        },
+        0.9, 0.9, 0.9, 0.9);
+    both(
+        "mouth_lower_down", "lower lip lowered",
+        [](const Vertex& v) -> Vector3d {
+          return lip(v, true, 20.0) * bump(v.p.x(), 11.0, 14.0) * Vector3d(0.8, -7.0, 0.5);
+        },
+        0.9, 0.9, 0.9, 0.9);
     parameter("mouth_funnel", 0.0, "lips parted and pushed forwards in a ring");
-    bent_path([](const Vertex& v) -> Vector3d {
-                const double a = around_mouth(v, 20.0);
-                const double open = v.lower ? -lip(v, true, 22.0) : lip(v, false, 22.0);
-                return a * Vector3d(-7.0 * ramp(v.p.x(), 0, 26), 0.0, 6.0) + open * Vector3d(0, 6.0, 0);
-              }, 0.6, 1.3, 1.2, 0.8);
+    bent_path(
+        [](const Vertex& v) -> Vector3d {
+          const double a = around_mouth(v, 20.0);
+          const double open = v.lower ? -lip(v, true, 22.0) : lip(v, false, 22.0);
+          return a * Vector3d(-7.0 * ramp(v.p.x(), 0, 26), 0.0, 6.0) + open * Vector3d(0, 6.0, 0);
+        },
+        0.6, 1.3, 1.2, 0.8);
     parameter("mouth_pucker", 0.0, "lips drawn together and forwards");
-    bent_path([](const Vertex& v) -> Vector3d {
-                const double a = around_mouth(v, 20.0);
-                return a * Vector3d(-12.0 * ramp(v.p.x(), 0, 26), 0.0, 7.0);
-              }, 0.7, 1.2, 1.1, 0.8);
+    bent_path(
+        [](const Vertex& v) -> Vector3d {
+          const double a = around_mouth(v, 20.0);
+          return a * Vector3d(-12.0 * ramp(v.p.x(), 0, 26), 0.0, 7.0);
+        },
+        0.7, 1.2, 1.1, 0.8);
     parameter("mouth_press", 0.0, "lips pressed together, the red thinner");
-    bent_path([](const Vertex& v) -> Vector3d {
-                const double dy = v.p.y() - v.contact;
-                const double k = vermilion(v, v.lower);
-                return k * Vector3d(0, is_lip_lining(v.place) ? 0.0 : -0.28 * dy, -1.2);
-              }, 1, 1, 1, 1);
+    bent_path(
+        [](const Vertex& v) -> Vector3d {
+          const double dy = v.p.y() - v.contact;
+          const double k = vermilion(v, v.lower);
+          return k * Vector3d(0, is_lip_lining(v.place) ? 0.0 : -0.28 * dy, -1.2);
+        },
+        1, 1, 1, 1);
     for (const bool lower : {false, true}) {
-      parameter(lower ? "mouth_roll_lower" : "mouth_roll_upper", 0.0, "lip rolled inwards over the teeth");
-      bent_path([lower](const Vertex& v) -> Vector3d {
-                  const double dy = v.p.y() - v.contact;
-                  const double k = vermilion(v, lower);
-                  return k * Vector3d(0, is_lip_lining(v.place) ? 0.0 : -0.45 * dy, -3.0);
-                }, 1, 1.3, 1, 0.7);
+      parameter(lower ? "mouth_roll_lower" : "mouth_roll_upper", 0.0,
+                "lip rolled inwards over the teeth");
+      bent_path(
+          [lower](const Vertex& v) -> Vector3d {
+            const double dy = v.p.y() - v.contact;
+            const double k = vermilion(v, lower);
+            return k * Vector3d(0, is_lip_lining(v.place) ? 0.0 : -0.45 * dy, -3.0);
+          },
+          1, 1.3, 1, 0.7);
     }
     parameter("mouth_side", -1.0, "mouth shifted to the subject's left, 1 is 9 mm");
-    field({}, [](const Vertex& v) -> Vector3d { return around_mouth(v, 24.0) * Vector3d(9.0, 0, 0); }, true);
+    field(
+        {}, [](const Vertex& v) -> Vector3d { return around_mouth(v, 24.0) * Vector3d(9.0, 0, 0); },
+        true);
   }
 
   void cheeks_and_nose() {
-    const auto skin = [](const Vertex& v) { return v.place.patch == Patch::skin && v.p.z() > -60.0 ? 1.0 : 0.0; };
+    const auto skin = [](const Vertex& v) {
+      return v.place.patch == Patch::skin && v.p.z() > -60.0 ? 1.0 : 0.0;
+    };
     parameter("cheek_puff", 0.0, "cheeks blown up");
-    field({}, [skin](const Vertex& v) -> Vector3d { return skin(v) * bump2(v.p.x(), v.p.y(), 44, -58, 18, 18) * Vector3d(6.0, 0, 5.5); });
+    field({}, [skin](const Vertex& v) -> Vector3d {
+      return skin(v) * bump2(v.p.x(), v.p.y(), 44, -58, 18, 18) * Vector3d(6.0, 0, 5.5);
+    });
     for (const bool left : {true, false}) {
       const std::string side = left ? "_left" : "_right";
       parameter("cheek_squint" + side, 0.0, "cheek raised under the eye");
-      field({}, one_side([skin](const Vertex& v) -> Vector3d { return skin(v) * smooth_step(-v.p.y(), 7, 16) * bump2(v.p.x(), v.p.y(), 38, -22, 16, 11) * Vector3d(0.5, 4.5, 2.0); }, left));
+      field({}, one_side(
+                    [skin](const Vertex& v) -> Vector3d {
+                      return skin(v) * smooth_step(-v.p.y(), 7, 16) *
+                             bump2(v.p.x(), v.p.y(), 38, -22, 16, 11) * Vector3d(0.5, 4.5, 2.0);
+                    },
+                    left));
       parameter("nose_sneer" + side, 0.0, "wing of the nose raised");
-      field({}, one_side([skin](const Vertex& v) -> Vector3d { return skin(v) * bump2(v.p.x(), v.p.y(), 17, -36, 8, 13) * Vector3d(0.8, 5.0, 0.5); }, left));
+      field({}, one_side(
+                    [skin](const Vertex& v) -> Vector3d {
+                      return skin(v) * bump2(v.p.x(), v.p.y(), 17, -36, 8, 13) *
+                             Vector3d(0.8, 5.0, 0.5);
+                    },
+                    left));
     }
   }
 
   void brows() {
-    const auto skin = [](const Vertex& v) { return v.place.patch == Patch::skin && v.p.z() > -60.0 ? smooth_step(v.p.y(), 7, 16) : 0.0; };
+    const auto skin = [](const Vertex& v) {
+      return v.place.patch == Patch::skin && v.p.z() > -60.0 ? smooth_step(v.p.y(), 7, 16) : 0.0;
+    };
     for (const bool left : {true, false}) {
       const std::string side = left ? "_left" : "_right";
       parameter("brow_down" + side, 0.0, "eyebrow lowered and drawn inwards");
-      field({}, one_side([skin](const Vertex& v) -> Vector3d { return skin(v) * bump2(v.p.x(), v.p.y(), 20, 21, 20, 12) * Vector3d(-3.0, -6.0, 0.8); }, left));
+      field({}, one_side(
+                    [skin](const Vertex& v) -> Vector3d {
+                      return skin(v) * bump2(v.p.x(), v.p.y(), 20, 21, 20, 12) *
+                             Vector3d(-3.0, -6.0, 0.8);
+                    },
+                    left));
       parameter("brow_outer_up" + side, 0.0, "outer half of the eyebrow raised");
-      field({}, one_side([skin](const Vertex& v) -> Vector3d { return skin(v) * bump2(v.p.x(), v.p.y(), 40, 24, 16, 16) * Vector3d(0, 8.0, -1.0); }, left));
+      field({}, one_side(
+                    [skin](const Vertex& v) -> Vector3d {
+                      return skin(v) * bump2(v.p.x(), v.p.y(), 40, 24, 16, 16) *
+                             Vector3d(0, 8.0, -1.0);
+                    },
+                    left));
     }
     parameter("brow_inner_up", 0.0, "inner ends of the eyebrows raised");
-    field({}, [skin](const Vertex& v) -> Vector3d { return skin(v) * bump2(v.p.x(), v.p.y(), 10, 24, 17, 15) * Vector3d(0, 8.0, -0.8); });
+    field({}, [skin](const Vertex& v) -> Vector3d {
+      return skin(v) * bump2(v.p.x(), v.p.y(), 10, 24, 17, 15) * Vector3d(0, 8.0, -0.8);
+    });
   }
 
-  // Turns about the eye's horizontal axis. A vertex that turns by the angle w * full starts with the
-  // velocity of its own circle and ends on it; in between it follows sin and 1 - cos of the common
-  // angle, which for w = 1 is the circle itself.
-  void lids(const std::function<double(const Vertex&)>& angle, double full, bool left) {
+  static Vector3d turned_about_x(const Vector3d& q, double a) {
+    return {q.x(), q.y() * std::cos(a) - q.z() * std::sin(a),
+            q.y() * std::sin(a) + q.z() * std::cos(a)};
+  }
+
+  // Turns about the eye's horizontal axis, and moves by `extra` at the end. A vertex that turns by
+  // the angle w * full starts with the velocity of its own circle and ends on it; in between it
+  // follows sin and 1 - cos of the common angle, which for w = 1 is the circle itself.
+  void lids(const std::function<double(const Vertex&)>& angle, double full, bool left,
+            const Motion& extra = {}) {
     const auto eye = Vector3d(eye_x_mm, 0, 0);
     const auto sine = [=](const Vertex& v) -> Vector3d {
       const Vector3d q = v.p - eye;
@@ -319,75 +411,126 @@ class Maker {
       const double a = angle(v);
       if (a == 0.0) return Vector3d::Zero();
       const Vector3d q = v.p - eye;
-      const Vector3d turned(0, q.y() * std::cos(a) - q.z() * std::sin(a) - q.y(),
-                            q.y() * std::sin(a) + q.z() * std::cos(a) - q.z());
+      Vector3d turned = turned_about_x(q, a) - q;
+      if (extra) turned += extra(v);
       return (turned - std::sin(full) * sine(v)) / (1.0 - std::cos(full));
     };
-    field([full](double t) { return Weight{std::sin(full * t), full * std::cos(full * t)}; }, one_side(sine, left));
-    field([full](double t) { return Weight{1 - std::cos(full * t), full * std::sin(full * t)}; }, one_side(cosine, left));
+    field(
+        [full](double t) {
+          return Weight{std::sin(full * t), full * std::cos(full * t)};
+        },
+        one_side(sine, left));
+    field(
+        [full](double t) {
+          return Weight{1 - std::cos(full * t), full * std::sin(full * t)};
+        },
+        one_side(cosine, left));
   }
 
-  // Angle that takes a margin onto the line where the lids meet, at the place's column.
-  double closing_angle(const Vertex& v, bool upper) const {
-    const double u = skin_.angle(v.place.column);
-    const double s = skin_.eye_fraction(u);
-    if (s <= 0.0 || s >= 1.0) return 0.0;
-    const Vector3d a = skin_.point(v.place.column, line_upper_lid), b = skin_.point(v.place.column, line_lower_lid);
+  // How a margin gets to the line where the lids meet, at the place's column: the angle, and what
+  // is left to the point midway between the two turned margins.
+  struct Closing {
+    double angle = 0.0;
+    Vector3d rest = Vector3d::Zero();
+  };
+  Closing closing(const Vertex& v, bool upper) const {
+    const double s = skin_.eye_fraction(skin_.angle(v.place.column));
+    if (s <= 0.0 || s >= 1.0) return {};
+    const Vector3d eye(eye_x_mm, 0, 0);
+    const auto margin = [&](int line) {
+      Place place;
+      place.column = v.place.column;
+      place.row = line;
+      return Vector3d(sweep({place}, identity_).row(0).transpose() - eye);
+    };
+    const Vector3d a = margin(line_upper_lid), b = margin(line_lower_lid);
     const double top = std::atan2(a.y(), a.z()), low = std::atan2(b.y(), b.z());
     const double meet = low + 0.22 * (top - low);
-    return upper ? top - meet : meet - low;
+    const Vector3d a1 = turned_about_x(a, top - meet), b1 = turned_about_x(b, low - meet);
+    const Vector3d middle = 0.5 * (a1 + b1);
+    return upper ? Closing{top - meet, middle - a1} : Closing{low - meet, middle - b1};
   }
 
   void eyes() {
     for (const bool left : {true, false}) {
       const std::string side = left ? "_left" : "_right";
       parameter("eye_blink" + side, 0.0, "lids closed, turning about the eyeball's centre");
-      lids([this](const Vertex& v) {
-             const double up = upper_lid_share(v), low = lower_lid_share(v);
-             if (up > 0.0) return up * closing_angle(v, true);
-             return low > 0.0 ? -low * closing_angle(v, false) : 0.0;
-           }, 45.0 * degree, left);
+      lids(
+          [this](const Vertex& v) {
+            const double up = upper_lid_share(v), low = lower_lid_share(v);
+            if (up > 0.0) return up * closing(v, true).angle;
+            return low > 0.0 ? low * closing(v, false).angle : 0.0;
+          },
+          45.0 * degree, left,
+          [this](const Vertex& v) -> Vector3d {
+            const double up = upper_lid_share(v), low = lower_lid_share(v);
+            if (up > 0.0) return up * closing(v, true).rest;
+            return low > 0.0 ? Vector3d(low * closing(v, false).rest) : Vector3d(Vector3d::Zero());
+          });
       parameter("eye_squint" + side, 0.0, "lids narrowed, the lower one raised");
-      lids([this](const Vertex& v) {
-             const double up = upper_lid_share(v), low = lower_lid_share(v);
-             if (up > 0.0) return 0.15 * up * closing_angle(v, true);
-             return low > 0.0 ? -0.9 * low * closing_angle(v, false) : 0.0;
-           }, 20.0 * degree, left);
+      lids(
+          [this](const Vertex& v) {
+            const double up = upper_lid_share(v), low = lower_lid_share(v);
+            if (up > 0.0) return 0.15 * up * closing(v, true).angle;
+            return low > 0.0 ? 0.9 * low * closing(v, false).angle : 0.0;
+          },
+          20.0 * degree, left);
       parameter("eye_wide" + side, 0.0, "upper lid raised");
-      lids([this](const Vertex& v) { return -0.28 * upper_lid_share(v) * closing_angle(v, true); }, 15.0 * degree, left);
+      lids([this](const Vertex& v) { return -0.28 * upper_lid_share(v) * closing(v, true).angle; },
+           15.0 * degree, left);
     }
-    gaze("eye_look_horizontal", "both eyes to the subject's left, 1 is 35 degrees", gaze_yaw_rad, 1);
-    gaze("eye_look_vertical", "both eyes up, 1 is 25 degrees", -gaze_pitch_rad, 0);
+    gaze("eye_look_horizontal", "both eyes to the subject's left, 1 is 35 degrees", gaze_yaw_rad,
+         1);
+    gaze("eye_look_vertical", "both eyes up, 1 is 25 degrees; the lids follow", -gaze_pitch_rad, 0);
+    for (const bool left : {true, false}) {
+      lids(
+          [](const Vertex& v) {
+            const double slit = slit_share(v.p.x() - eye_x_mm);
+            return -gaze_pitch_rad * slit * (0.75 * upper_lid_share(v) + 0.35 * lower_lid_share(v));
+          },
+          -gaze_pitch_rad, left);
+    }
   }
 
   void gaze(const std::string& name, const std::string& doc, double full, int axis) {
     parameter(name, -1.0, doc);
-    const auto relative = [](const Vertex& v) { return Vector3d(v.x - (v.place.side > 0 ? eye_x_mm : -eye_x_mm), v.p.y(), v.p.z()); };
-    field([full](double t) { return Weight{std::sin(full * t), full * std::cos(full * t)}; },
-          [=](const Vertex& v) -> Vector3d {
-            if (v.place.patch != Patch::eyeball) return Vector3d::Zero();
-            return Vector3d::Unit(axis).cross(relative(v));
-          }, true);
-    field([full](double t) { return Weight{1 - std::cos(full * t), full * std::sin(full * t)}; },
-          [=](const Vertex& v) -> Vector3d {
-            if (v.place.patch != Patch::eyeball) return Vector3d::Zero();
-            Vector3d q = relative(v);
-            q[axis] = 0.0;
-            return -q;
-          }, true);
+    const auto relative = [](const Vertex& v) {
+      return Vector3d(v.x - (v.place.side > 0 ? eye_x_mm : -eye_x_mm), v.p.y(), v.p.z());
+    };
+    field(
+        [full](double t) {
+          return Weight{std::sin(full * t), full * std::cos(full * t)};
+        },
+        [=](const Vertex& v) -> Vector3d {
+          if (v.place.patch != Patch::eyeball) return Vector3d::Zero();
+          return Vector3d::Unit(axis).cross(relative(v));
+        },
+        true);
+    field(
+        [full](double t) {
+          return Weight{1 - std::cos(full * t), full * std::sin(full * t)};
+        },
+        [=](const Vertex& v) -> Vector3d {
+          if (v.place.patch != Patch::eyeball) return Vector3d::Zero();
+          Vector3d q = relative(v);
+          q[axis] = 0.0;
+          return -q;
+        },
+        true);
   }
 
   const std::vector<Place>& places_;
   const Points& neutral_;
+  const Identity& identity_;
   Skin skin_;
-  std::vector<double> contact_;
   Expressions out_;
 };
 
 }  // namespace
 
-Expressions make_expressions(const std::vector<Place>& places, const Points& neutral) {
-  return Maker(places, neutral).make();
+Expressions make_expressions(const std::vector<Place>& places, const Points& neutral,
+                             const Identity& identity) {
+  return Maker(places, neutral, identity).make();
 }
 
 }  // namespace semblance::face

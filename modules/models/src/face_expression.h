@@ -14,7 +14,8 @@ struct Expressions {
   std::vector<MorphField> fields;
 };
 
-/// `neutral` holds the positions of `places` in millimetres.
-Expressions make_expressions(const std::vector<Place>& places, const Points& neutral);
+/// `neutral` holds the positions of `places` in millimetres: sweep(places, identity).
+Expressions make_expressions(const std::vector<Place>& places, const Points& neutral,
+                             const Identity& identity);
 
 }  // namespace semblance::face

@@ -20,12 +20,39 @@ constexpr SkinPoint labiale_superius{0, line_upper_vermilion};
 constexpr SkinPoint labiale_inferius{0, line_lower_vermilion};
 
 enum Parameter {
-  head_length, head_breadth, head_height, forehead_height, forehead_breadth, face_height,
-  face_breadth, mandible_width, chin_width, chin_protrusion, cheekbone_prominence, cheek_fullness,
-  interpupillary_distance, eye_fissure_length, eye_fissure_height, eye_fissure_slant, eye_depth,
-  brow_height, brow_ridge, nose_length, nose_breadth, nose_protrusion, nasal_bridge_height,
-  nasal_bridge_width, nose_tip_height, upper_lip_height, mouth_width, upper_vermilion_height,
-  lower_vermilion_height, lip_protrusion, ear_length, ear_protrusion, neck_width
+  head_length,
+  head_breadth,
+  head_height,
+  forehead_height,
+  forehead_breadth,
+  face_height,
+  face_breadth,
+  mandible_width,
+  chin_width,
+  chin_protrusion,
+  cheekbone_prominence,
+  cheek_fullness,
+  interpupillary_distance,
+  eye_fissure_length,
+  eye_fissure_height,
+  eye_fissure_slant,
+  eye_depth,
+  brow_height,
+  brow_ridge,
+  nose_length,
+  nose_breadth,
+  nose_protrusion,
+  nasal_bridge_height,
+  nasal_bridge_width,
+  nose_tip_height,
+  upper_lip_height,
+  mouth_width,
+  upper_vermilion_height,
+  lower_vermilion_height,
+  lip_protrusion,
+  ear_length,
+  ear_protrusion,
+  neck_width
 };
 
 // The eyes' surroundings move with them as one piece.
@@ -58,7 +85,8 @@ Vector3d eye_motion(const Place& place, const Vector3d& p, const Identity& c) {
   d += Vector3d(q.z() * yaw, 0.0, -q.x() * yaw);
   const double slit = slit_share(p.x() - eye_x_mm);
   const double pitch = c[eye_fissure_height] * slit *
-                       (0.6 * upper_lid_share(place) - 0.4 * lower_lid_share(place)) / eye_radius_mm;
+                       (0.6 * upper_lid_share(place) - 0.4 * lower_lid_share(place)) /
+                       eye_radius_mm;
   d += Vector3d(0.0, q.z() * std::sin(pitch) + q.y() * (std::cos(pitch) - 1.0),
                 -q.y() * std::sin(pitch) + q.z() * (std::cos(pitch) - 1.0));
   const double ring = bump(q.head<2>().norm(), 0.0, 20.0);
@@ -80,7 +108,8 @@ Vector3d head_motion(const Vector3d& p, const Identity& c) {
   d.x() += c[face_breadth] * 0.5 * x / 68.0 * bump(y, -22, 45) * smooth_step(z, -125, -65);
   d.x() += c[mandible_width] * 0.5 * smooth_step(x, 12, 52) * bump(y, -80, 30) *
            smooth_step(z, -110, -60);
-  d.x() += c[neck_width] * 0.5 * x / 57.0 * smooth_step(-y, 78, 125) * (1.0 - smooth_step(z, -45, -5));
+  d.x() +=
+      c[neck_width] * 0.5 * x / 57.0 * smooth_step(-y, 78, 125) * (1.0 - smooth_step(z, -45, -5));
   return d;
 }
 
@@ -88,14 +117,15 @@ Vector3d profile_motion(const Vector3d& p, const Identity& c) {
   const double x = p.x(), y = p.y();
   const double middle = (1.0 - smooth_step(x, 34, 66)) * smooth_step(p.z(), -60, -15);
   Vector3d d = Vector3d::Zero();
-  d.y() -= c[face_height] * ramp(-y, 0, 113);
+  d.y() -= c[face_height] * ramp(-y, 6, 113);
   d.y() -= c[nose_length] * middle * ramp(-y, -4, 46.5) * (1.0 - ramp(-y, 46.5, 113));
   d.y() -= c[upper_lip_height] * middle * ramp(-y, 47, 66) * (1.0 - ramp(-y, 68, 113));
   d.y() += c[upper_vermilion_height] * (1.0 - smooth_step(x, 14, 27)) * smooth_step(y, -67, -60) *
            (1.0 - smooth_step(y, -59, -48));
   d.y() -= c[lower_vermilion_height] * (1.0 - smooth_step(x, 14, 27)) * smooth_step(-y, 67, 75) *
            (1.0 - smooth_step(-y, 76, 86));
-  d.x() += c[mouth_width] * 0.5 * ramp(x, 0, 26) * (1.0 - smooth_step(x, 27, 58)) * bump(y, -67, 18);
+  d.x() +=
+      c[mouth_width] * 0.5 * ramp(x, 0, 26) * (1.0 - smooth_step(x, 27, 58)) * bump(y, -67, 18);
   d.z() += c[lip_protrusion] * bump2(x, y, 0, -67, 24, 13);
   d.x() += c[chin_width] * 0.5 * smooth_step(x, 3, 24) * (1.0 - smooth_step(x, 28, 46)) *
            bump(y, -102, 16);
@@ -103,7 +133,8 @@ Vector3d profile_motion(const Vector3d& p, const Identity& c) {
   const Vector3d cheek = Vector3d(0.6, 0.0, 0.8);
   d += c[cheekbone_prominence] * bump2(x, y, 45, -20, 17, 14) * cheek;
   d += c[cheek_fullness] * bump2(x, y, 46, -55, 17, 19) * cheek;
-  d.y() += c[brow_height] * bump(y, 21, 10) * smooth_step(x, 0, 12) * (1.0 - smooth_step(x, 46, 62));
+  d.y() +=
+      c[brow_height] * bump(y, 21, 10) * smooth_step(x, 0, 12) * (1.0 - smooth_step(x, 46, 62));
   d.z() += c[brow_ridge] * bump2(x, y, 14, 19, 24, 8);
   d.x() += c[nose_breadth] * 0.5 * smooth_step(x, 1, 15) * (1.0 - smooth_step(x, 20, 34)) *
            bump(y, -40, 12);
@@ -124,35 +155,74 @@ Vector3d ear_motion(const Vector3d& p, const Identity& c) {
 
 const std::vector<IdentityMeasure>& identity_measures() {
   static const std::vector<IdentityMeasure> table = {
-      {"head_length", 197, 7.0, Kind::distance, glabella, {column_back, line_brow_low},
+      {"head_length",
+       197,
+       7.0,
+       Kind::distance,
+       glabella,
+       {column_back, line_brow_low},
        "glabella to opisthocranion (g-op)"},
-      {"head_breadth", 151, 6.0, Kind::breadth, {column_ear, line_brow_top - 0.3}, {},
+      {"head_breadth",
+       151,
+       6.0,
+       Kind::breadth,
+       {column_ear, line_brow_top - 0.3},
+       {},
        "greatest breadth of the skull (eu-eu)"},
       {"head_height", 0, 6.5, Kind::none, {}, {}, "vertex over the eyes"},
-      {"forehead_height", 67, 6.0, Kind::distance, {0, line_trichion}, nasion,
+      {"forehead_height",
+       67,
+       6.0,
+       Kind::distance,
+       {0, line_trichion},
+       nasion,
        "trichion to nasion (tr-n)"},
       {"forehead_breadth", 0, 5.0, Kind::none, {}, {}, "breadth at the temples (ft-ft)"},
       {"face_height", 121, 6.8, Kind::distance, nasion, gnathion, "nasion to gnathion (n-gn)"},
-      {"face_breadth", 137, 4.6, Kind::breadth, {column_zygion + 0.3, line_cheek_top + 0.6}, {},
+      {"face_breadth",
+       137,
+       4.6,
+       Kind::breadth,
+       {column_zygion + 0.3, line_cheek_top + 0.6},
+       {},
        "between the zygomatic arches (zy-zy)"},
-      {"mandible_width", 112, 7.0, Kind::breadth, {column_zygion, line_jaw - 0.9}, {},
+      {"mandible_width",
+       112,
+       7.0,
+       Kind::breadth,
+       {column_zygion, line_jaw - 0.9},
+       {},
        "between the jaw's angles, over the skin (go-go)"},
       {"chin_width", 0, 4.0, Kind::none, {}, {}, "breadth of the chin"},
       {"chin_protrusion", 0, 3.5, Kind::none, {}, {}, "pogonion forwards"},
       {"cheekbone_prominence", 0, 2.0, Kind::none, {}, {}, "cheekbones outwards"},
       {"cheek_fullness", 0, 3.0, Kind::none, {}, {}, "cheeks below the bone outwards"},
-      {"interpupillary_distance", 63.3, 3.6, Kind::eyes, {}, {},
-       "between the eyeballs' centres"},
-      {"eye_fissure_length", 30.9, 1.3, Kind::distance, {column_inner_eye, line_upper_lid},
-       {column_outer_eye, line_upper_lid}, "inner to outer corner of the eye (en-ex)"},
-      {"eye_fissure_height", 10.6, 1.1, Kind::distance, {column_pupil - 0.5, line_upper_lid},
-       {column_pupil - 0.5, line_lower_lid}, "between the lids' margins (ps-pi)"},
+      {"interpupillary_distance", 63.3, 3.6, Kind::eyes, {}, {}, "between the eyeballs' centres"},
+      {"eye_fissure_length",
+       30.9,
+       1.3,
+       Kind::distance,
+       {column_inner_eye, line_upper_lid},
+       {column_outer_eye, line_upper_lid},
+       "inner to outer corner of the eye (en-ex)"},
+      {"eye_fissure_height",
+       10.6,
+       1.1,
+       Kind::distance,
+       {column_pupil - 0.5, line_upper_lid},
+       {column_pupil - 0.5, line_lower_lid},
+       "between the lids' margins (ps-pi)"},
       {"eye_fissure_slant", 0, 1.0, Kind::none, {}, {}, "outer corner of the eye upwards"},
       {"eye_depth", 0, 1.5, Kind::none, {}, {}, "eyes and lids backwards in the face"},
       {"brow_height", 0, 2.5, Kind::none, {}, {}, "eyebrow over the eye"},
       {"brow_ridge", 0, 1.5, Kind::none, {}, {}, "supraorbital ridge forwards"},
       {"nose_length", 53, 3.3, Kind::distance, nasion, subnasale, "nasion to subnasale (n-sn)"},
-      {"nose_breadth", 34.9, 2.1, Kind::breadth, {column_inner_eye - 0.35, line_tip_low}, {},
+      {"nose_breadth",
+       34.9,
+       2.1,
+       Kind::breadth,
+       {column_inner_eye - 0.35, line_tip_low},
+       {},
        "between the wings of the nose (al-al)"},
       {"nose_protrusion", 19.7, 1.9, Kind::distance, pronasale, subnasale,
        "subnasale to pronasale (sn-prn)"},
@@ -161,7 +231,12 @@ const std::vector<IdentityMeasure>& identity_measures() {
       {"nose_tip_height", 0, 1.8, Kind::none, {}, {}, "tip of the nose upwards"},
       {"upper_lip_height", 21.8, 2.1, Kind::distance, subnasale, stomion,
        "subnasale to stomion (sn-sto)"},
-      {"mouth_width", 53, 3.3, Kind::breadth, {column_mouth_corner, line_upper_contact}, {},
+      {"mouth_width",
+       53,
+       3.3,
+       Kind::breadth,
+       {column_mouth_corner, line_upper_contact},
+       {},
        "between the corners of the mouth (ch-ch)"},
       {"upper_vermilion_height", 8.0, 1.4, Kind::height, labiale_superius, stomion,
        "red of the upper lip (ls-sto)"},
@@ -181,7 +256,14 @@ Vector3d identity_displacement(const Place& place, const Vector3d& p, const Iden
   if (place.patch == Patch::ear) {
     return head_motion(ear_root, c) + profile_motion(ear_root, c) + ear_motion(p, c);
   }
-  Vector3d d = head_motion(p, c) + profile_motion(p, c);
+  const bool on_lid_lining =
+      place.patch == Patch::upper_lid_inside || place.patch == Patch::lower_lid_inside;
+  // The lids move with their eyeball alone.
+  const double lids =
+      p.z() > -20.0 || on_lid_lining
+          ? 1.0 - smooth_step(std::hypot((p.x() - eye_x_mm) / 1.2, p.y()), 13.0, 23.0)
+          : 0.0;
+  Vector3d d = (1.0 - lids) * (head_motion(p, c) + profile_motion(p, c));
   if (place.patch == Patch::upper_teeth || place.patch == Patch::lower_teeth) return {0, d.y(), 0};
   const double eye = around_eye(p.x(), p.y()) * smooth_step(p.z(), -40, -15);
   d.x() += 0.5 * c[interpupillary_distance] * eye;

@@ -12,20 +12,21 @@ namespace {
 constexpr double pi = std::numbers::pi;
 
 // Columns between feature columns and rows between feature lines at density 1.
-constexpr std::array<int, column_count - 1> column_steps = {2, 4, 3, 4, 5, 6, 4, 4, 4, 3, 3, 3};
-constexpr std::array<int, line_count - 1> row_steps = {7, 5, 4, 4, 4, 0, 5, 4, 4, 4,
-                                                       4, 4, 4, 0, 4, 3, 4, 4, 3, 4};
+constexpr std::array<int, column_count - 1> column_steps = {2, 4, 3, 3, 4, 5, 4, 3, 4, 3, 3, 3};
+constexpr std::array<int, line_count - 1> row_steps = {7, 4, 4, 3, 4, 0, 4, 3, 3, 4,
+                                                       6, 3, 5, 0, 4, 2, 3, 3, 3, 3};
 // Width on the texture of the space between feature columns, and height between feature lines.
-constexpr std::array<double, column_count - 1> column_texels = {5, 8,  7,  8,  10, 12,
+constexpr std::array<double, column_count - 1> column_texels = {5,  8,  7,  8,  10, 12,
                                                                 14, 14, 14, 11, 14, 14};
-constexpr std::array<double, line_count - 1> row_texels = {30, 22, 9, 8, 8,  3, 11, 9, 9, 9,
+constexpr std::array<double, line_count - 1> row_texels = {30, 22, 9, 8, 8,  3, 11, 9,  9, 9,
                                                            8,  12, 9, 8, 10, 9, 12, 11, 9, 20};
 constexpr double skin_bottom = 0.22;  // of the skin's chart; the other charts lie below
 
 std::vector<double> subdivided(const int* steps, int count, double density) {
   std::vector<double> coordinates{0.0};
   for (int i = 0; i < count; ++i) {
-    const int n = steps[i] == 0 ? 1 : std::max(1, static_cast<int>(std::lround(steps[i] * density)));
+    const int n =
+        steps[i] == 0 ? 1 : std::max(1, static_cast<int>(std::lround(steps[i] * density)));
     for (int k = 1; k <= n; ++k) coordinates.push_back(i + static_cast<double>(k) / n);
   }
   return coordinates;
@@ -69,6 +70,16 @@ class Builder {
     triangle(a, c, d);
     triangle(a, d, b);
   }
+  // Between two rows; the left half's diagonals mirror the right's.
+  void skin_quad(std::size_t k, const std::vector<int>& above, const std::vector<int>& below) {
+    const int a = above[k], b = above[k + 1], c = below[k], d = below[k + 1];
+    if (columns_[k] >= 0.0) {
+      quad(a, b, c, d);
+    } else {
+      triangle(a, c, b);
+      triangle(b, c, d);
+    }
+  }
   int steps(int at_density_one, int least) const {
     return std::max(least, static_cast<int>(std::lround(at_density_one * density_)));
   }
@@ -103,7 +114,7 @@ class Builder {
           if (r == 1) {
             triangle(above[k], ids[k], ids[k + 1]);
           } else {
-            quad(above[k], above[k + 1], ids[k], ids[k + 1]);
+            skin_quad(k, above, ids);
           }
         }
       }
@@ -138,12 +149,15 @@ class Builder {
                                 ? line_trichion + 1.5 + 7.0 * (column - column_ear)
                                 : line_ala_top + 0.5;
     if (row < hairline) return FacePart::hair;
-    if (row > line_brow_top + 0.2 && row < line_brow_low - 0.05 && column > column_nostril + 0.4 &&
-        column < column_outer_eye + 0.3) {
+    // The brow tapers outwards.
+    const double along_brow = (column - 2.4) / (column_outer_eye + 0.3 - 2.4);
+    const double brow = line_brow_top + 0.55 - 0.25 * along_brow * (1.6 - along_brow);
+    if (along_brow > 0.0 && along_brow < 1.0 &&
+        std::abs(row - brow) < 0.30 - 0.16 * along_brow * along_brow) {
       return FacePart::brow;
     }
-    if (row > line_tip_low + 0.25 && row < line_subnasale - 0.2 && column > column_philtrum + 0.15 &&
-        column < column_nostril - 0.1) {
+    if (row > line_tip_low + 0.45 && row < line_subnasale - 0.1 && column > column_philtrum + 0.1 &&
+        column < column_nostril - 0.2) {
       return FacePart::nostril;
     }
     if (column > column_inner_eye && column < column_outer_eye &&
@@ -181,14 +195,14 @@ class Builder {
     sheets.push_back(lower);
     for (std::size_t i = 0; i + 1 < sheets.size(); ++i) {
       for (std::size_t k = 0; k + 1 < columns_.size(); ++k) {
-        quad(sheets[i][k], sheets[i][k + 1], sheets[i + 1][k], sheets[i + 1][k + 1]);
+        skin_quad(k, sheets[i], sheets[i + 1]);
       }
     }
   }
 
   void eyeball(double side) {
     // Angles from the optical axis in units of the iris' edge, then on to the back.
-    static constexpr std::array<double, 12> rings = {5.0, 8.6, 9.6, 18,  28.4, 30.2,
+    static constexpr std::array<double, 12> rings = {5.0, 8.6, 9.6, 18, 28.4, 30.2,
                                                      40,  52,  66,  84, 110,  145};
     const int around = steps(18, 12);
     const double cu = side < 0.0 ? 0.11 : 0.32, cv = 0.108, radius = 0.1;
@@ -219,9 +233,11 @@ class Builder {
       }
       inner = std::move(outer);
     }
-    // The back is closed by a fan onto one of its own ring's vertices, never seen.
-    for (int k = 1; k + 1 < around; ++k) {
-      triangle(inner[0], inner[side > 0.0 ? k : k + 1], inner[side > 0.0 ? k + 1 : k]);
+    // The pole at the back is unrolled to the chart's rim.
+    for (int k = 0; k < around; ++k) {
+      const int n = (k + 1) % around;
+      const int pole = vertex(180.0, 2.0 * pi * (k + 0.5) / around);
+      triangle(inner[side > 0.0 ? k : n], pole, inner[side > 0.0 ? n : k]);
     }
   }
 
@@ -265,12 +281,13 @@ class Builder {
         Place place{Patch::ear, side};
         place.a = t;
         place.b = b;
-        ring.push_back(add(place, cu + side * rho * std::cos(b), cv + rho * std::sin(b),
-                           FacePart::ear));
+        ring.push_back(
+            add(place, cu + side * rho * std::cos(b), cv + rho * std::sin(b), FacePart::ear));
       }
       for (int k = 0; k < around && i > 0; ++k) {
         const int n = (k + 1) % around;
-        const int a = outer[k], b = outer[n], c = ring[count > 1 ? k : 0], d = ring[count > 1 ? n : 0];
+        const int a = outer[k], b = outer[n], c = ring[count > 1 ? k : 0],
+                  d = ring[count > 1 ? n : 0];
         // The left ear is seen with its angle turning clockwise.
         if (side < 0.0) {
           quad(a, b, c, d);

@@ -15,7 +15,7 @@ namespace {
 constexpr double degree = std::numbers::pi / 180.0;
 
 // Angles of the feature columns about the vertical axis through (0, axis_z).
-constexpr std::array<double, column_count> column_deg = {0,    3.4, 8.2, 12.3, 17.3, 24.5, 32.6,
+constexpr std::array<double, column_count> column_deg = {0,    3.4, 7.8, 11.3, 17.3, 24.0, 31.8,
                                                          45.0, 62,  85,  110,  145,  180};
 
 // Heights (path coordinate, see height_from_path) of the feature lines at the feature columns.
@@ -40,8 +40,8 @@ constexpr double heights[line_count][column_count] = {
     {-85, -85, -85, -85, -84, -81.5, -78, -70, -62, -52, -52, -52, -52},
     {-98, -98, -98, -97.5, -96, -92, -87, -79, -69, -55, -56, -57, -57},
     {-113, -113, -112.5, -111.5, -109, -104, -98, -88, -76, -60, -62, -64, -64},
-    {-120, -120, -120, -120, -118, -115, -111, -103, -93, -84, -84, -86, -86},
-    {-168, -168, -168, -168, -168, -168, -168, -168, -168, -168, -168, -168, -168}};
+    {-119, -119, -119, -118.8, -118, -116, -113, -106, -97, -86, -84, -86, -86},
+    {-155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155}};
 // Distance of the vermilion borders from the line of contact.
 constexpr std::array<double, column_count> upper_vermilion = {7.6, 8.6, 6.6, 4.4, 1.3, 3.2, 4.5,
                                                               4.5, 4,   3,   3,   3,   3};
@@ -54,37 +54,23 @@ struct Section {
   double path, front_z, half_width, middle_z, back_z, a, b, back_a;
 };
 constexpr Section head_sections[] = {
-    {-168, 0, 36, -50, -120, 2.0, 2.0, 2.0},
-    {-140, 6, 40, -50, -125, 2.0, 2.0, 2.0},
-    {-125, 14, 43, -50, -128, 2.0, 2.0, 2.0},
-    {-113, 21, 46, -50, -130, 2.0, 1.9, 2.0},
-    {-106, 25, 48.5, -50, -131, 2.0, 1.9, 2.0},
-    {-98, 26, 51, -50, -132, 2.0, 1.9, 2.0},
-    {-85, 24, 54.5, -52, -135, 2.0, 1.9, 2.1},
-    {-76, 25, 56.5, -54, -138, 2.0, 1.9, 2.1},
-    {-67, 26.5, 58.5, -55, -142, 2.0, 1.9, 2.2},
-    {-56, 28, 61.5, -57, -147, 2.05, 1.9, 2.2},
-    {-46, 27, 64, -58, -152, 2.15, 1.9, 2.2},
-    {-30, 22, 67.5, -60, -160, 2.4, 1.9, 2.2},
-    {-15, 17.5, 69.5, -64, -166, 2.7, 2.0, 2.2},
-    {0, 14, 71.5, -72, -170, 2.9, 2.0, 2.2},
-    {10, 16, 73, -78, -171, 2.8, 2.0, 2.2},
-    {20, 22, 74, -82, -171, 2.55, 2.0, 2.2},
-    {30, 24, 75, -84, -171, 2.45, 2.0, 2.2},
-    {45, 23.5, 75.5, -85, -169, 2.35, 2.0, 2.2},
-    {60, 20.5, 75, -85, -166, 2.25, 2.0, 2.15},
-    {78, 12.5, 71.5, -85, -159, 2.15, 2.0, 2.1},
-    {95, 1, 65, -83, -148, 2.1, 2.0, 2.05},
-    {115, -18, 54, -78, -129, 2.0, 2.0, 2.0},
-    {135, -38, 36.5, -74, -108, 2.0, 2.0, 2.0},
-    {150, -54, 18, -71, -88, 2.0, 2.0, 2.0},
+    {-168, 0, 36, -50, -120, 2.0, 2.0, 2.0},     {-140, 6, 40, -50, -125, 2.0, 2.0, 2.0},
+    {-125, 14, 43, -50, -128, 2.0, 2.0, 2.0},    {-113, 21, 46, -50, -130, 2.0, 1.9, 2.0},
+    {-106, 25, 48.5, -50, -131, 2.0, 1.9, 2.0},  {-98, 26, 51, -50, -132, 2.0, 1.9, 2.0},
+    {-85, 24, 54.5, -52, -135, 2.0, 1.9, 2.1},   {-76, 25, 56.5, -54, -138, 2.0, 1.9, 2.1},
+    {-67, 26.5, 58.5, -55, -142, 2.0, 1.9, 2.2}, {-56, 28, 61.5, -57, -147, 2.05, 1.9, 2.2},
+    {-46, 27, 64, -58, -152, 2.15, 1.9, 2.2},    {-30, 22, 67.5, -60, -160, 2.4, 1.9, 2.2},
+    {-15, 17.5, 69.5, -64, -166, 2.7, 2.0, 2.2}, {0, 14, 71.5, -72, -170, 2.9, 2.0, 2.2},
+    {10, 16, 73, -78, -171, 2.8, 2.0, 2.2},      {20, 22, 74, -82, -171, 2.55, 2.0, 2.2},
+    {30, 24, 75, -84, -171, 2.45, 2.0, 2.2},     {45, 23.5, 75.5, -85, -169, 2.35, 2.0, 2.2},
+    {60, 20.5, 75, -85, -166, 2.25, 2.0, 2.15},  {78, 12.5, 70, -85, -159, 2.15, 2.0, 2.1},
+    {95, 1, 62.5, -83, -148, 2.1, 2.0, 2.05},    {115, -18, 51.5, -78, -129, 2.0, 2.0, 2.0},
+    {135, -38, 36.5, -74, -108, 2.0, 2.0, 2.0},  {150, -54, 18, -71, -88, 2.0, 2.0, 2.0},
     {163, -69.5, 0.5, -70, -70.5, 2.0, 2.0, 2.0}};
 constexpr Section neck_sections[] = {
-    {-168, -36, 60, -78, -134, 2.0, 2.0, 2.0},
-    {-145, -33, 57, -76, -130, 2.0, 2.0, 2.0},
-    {-120, -28, 56, -75, -129, 2.0, 2.0, 2.0},
-    {-95, -20, 56, -74, -132, 2.0, 2.0, 2.1},
-    {-60, -12, 58, -74, -143, 2.0, 2.0, 2.2}};
+    {-168, -37, 61, -80, -136, 2.0, 2.0, 2.0}, {-150, -34, 55, -78, -131, 2.1, 2.0, 2.0},
+    {-135, -31, 53, -76, -129, 2.1, 2.0, 2.0}, {-115, -27, 52, -75, -130, 2.1, 2.0, 2.0},
+    {-95, -20, 54, -72, -134, 2.0, 2.0, 2.1},  {-60, -12, 60, -66, -144, 2.0, 2.0, 2.2}};
 
 // Radius of a section at an angle, by bisection: the section is star-shaped about the axis.
 double section_radius(const Section& s, double u) {
@@ -110,7 +96,7 @@ Eigen::VectorXd full_turn(const std::vector<double>& half) {
 }
 
 const std::vector<double>& section_angles_deg() {
-  static const std::vector<double> angles = {0,  7,  14, 21, 28,  36,  45,  55,
+  static const std::vector<double> angles = {0,  7,  14, 21,  28,  36,  45,  55,
                                              66, 78, 92, 108, 126, 144, 162, 180};
   return angles;
 }
@@ -189,17 +175,17 @@ double nose(double x, double y) {
                                                      {-22, 36.5},
                                                      {-12, 29},
                                                      {-3, 22.5},
-                                                     {5, 19},
-                                                     {14, 15},
-                                                     {28, -10}}};
+                                                     {5, 18.8},
+                                                     {13, 19.3},
+                                                     {21, 19.5}}};
   static constexpr std::array<Station, 6> roundness = {
-      {{-47, 4.0}, {-36, 6.5}, {-26, 4.5}, {-12, 4.2}, {4, 5.5}, {16, 9}}};
-  static constexpr std::array<Station, 5> steepness = {
-      {{-48, 1.7}, {-36, 1.5}, {-22, 1.45}, {0, 1.05}, {14, 0.9}}};
+      {{-47, 3.6}, {-37, 5.6}, {-26, 4.6}, {-12, 4.2}, {4, 5.5}, {16, 9}}};
+  static constexpr std::array<Station, 6> steepness = {
+      {{-48, 2.3}, {-36, 2.1}, {-26, 1.65}, {-14, 1.4}, {0, 1.05}, {14, 0.9}}};
   const double rho = through(roundness, y);
   double z = through(ridge, y) - through(steepness, y) * (std::hypot(x, rho) - rho);
-  z = smooth_max(z, dome(x, y, 0, -36.5, 35.5, 9.5, 8.5, 10.5), 0.9);
-  z = smooth_max(z, dome(x, y, 12.0, -40.0, 22.5, 6.2, 7.0, 10.0), 0.9);
+  z = smooth_max(z, dome(x, y, 0, -36.3, 35.5, 9.0, 8.2, 10.3), 1.2);
+  z = smooth_max(z, dome(x, y, 12.2, -38.7, 21.8, 6.0, 6.8, 10.8), 1.0);
   return z;
 }
 
@@ -243,7 +229,7 @@ double Skin::line_path(int line, double u) const {
   const double eye = eye_fraction(u);
   switch (line) {
     case line_upper_lid:
-      return n.lines[line].at(u).value + 5.7 * arch(eye, 0.86, 0.72);
+      return n.lines[line].at(u).value + 5.5 * arch(eye, 0.86, 0.72);
     case line_lower_lid:
       return n.lines[line].at(u).value - 4.9 * arch(eye, 1.12, 0.80);
     case line_upper_vermilion:
@@ -272,51 +258,69 @@ double Skin::path(double u, double row) const {
 }
 
 double Skin::lip_relief(double u, double y) const {
-  static constexpr std::array<Station, 7> upper_profile = {
-      {{0, -0.42}, {0.12, 0.25}, {0.38, 0.92}, {0.7, 0.98}, {1.0, 0.7}, {1.4, 0.25}, {2.0, 0}}};
-  static constexpr std::array<Station, 7> lower_profile = {
-      {{0, -0.42}, {0.12, 0.35}, {0.38, 1.0}, {0.7, 0.95}, {1.0, 0.55}, {1.35, 0.1}, {1.8, 0}}};
+  static constexpr std::array<Station, 8> upper_profile = {{{0, 0.2},
+                                                            {0.10, 0.56},
+                                                            {0.26, 0.87},
+                                                            {0.5, 1.0},
+                                                            {0.75, 0.95},
+                                                            {1.0, 0.72},
+                                                            {1.7, 0.12},
+                                                            {2.4, 0}}};
+  static constexpr std::array<Station, 8> lower_profile = {{{0, 0.2},
+                                                            {0.10, 0.58},
+                                                            {0.27, 0.86},
+                                                            {0.48, 1.0},
+                                                            {0.75, 0.82},
+                                                            {1.0, 0.46},
+                                                            {1.35, 0.08},
+                                                            {1.8, 0}}};
   const double s = u / (degree * column_deg[column_mouth_corner]);
   const double contact = line_path(line_upper_contact, u);
   const double fullness = s < 1.0 ? std::pow(1.0 - s * s, 0.8) : 0.0;
   const double corner = -1.6 * bump(s, 1.0, 0.22) * bump(y, contact, 5.0);
   if (y >= contact) {
     const double eta = (y - contact) / std::max(2.5, numbers_->upper.at(u).value);
-    return corner + 5.0 * fullness * through(upper_profile, eta);
+    return corner + 4.6 * fullness * through(upper_profile, eta);
   }
   const double eta = (contact - y) / std::max(2.5, numbers_->lower.at(u).value);
-  return corner + 5.0 * fullness * through(lower_profile, eta);
+  return corner + 4.8 * fullness * through(lower_profile, eta);
 }
 
 Eigen::Vector3d Skin::point(double column, double row) const {
+  if (row == line_vertex) return {0.0, height_from_path(162.8), axis_z};
   const Numbers& n = *numbers_;
   const double u = angle(column), tau = path(u, row);
   const double y = height_from_path(tau);
   const double jaw = n.lines[line_jaw].at(u).value;
   double r = radius_at(n.head, u, tau);
-  if (row < line_neck + 1 && u < 2.2) r -= 3.5 * std::exp(-std::max(0.0, y - jaw) / 4.0) * smooth_step(u, 0.0, 0.6);
+  if (row < line_neck + 1 && u < 2.2)
+    r -= 3.5 * std::exp(-std::max(0.0, y - jaw) / 4.0) * smooth_step(u, 0.0, 0.6) *
+         (1.0 - smooth_step(u, 1.0, 1.5));
   if (row > line_jaw) {
-    const double b = smooth_step(row, line_jaw, line_neck);
+    const double b = smooth_step(row, line_jaw, line_neck + 0.35);
     r = (1.0 - b) * r + b * radius_at(n.neck, u, std::min(tau, -60.0));
   }
   double x = r * std::sin(u);
   // Cheekbone, buccal hollow and temple, along the radius.
   r += 3.5 * bump2(x, y, 46, -20, 17, 12);
-  r += -3.0 * bump2(x, y, 47, -55, 14, 18);
+  r += -1.5 * bump2(x, y, 47, -55, 14, 18);
   r += -3.5 * bump2(u / degree, y, 56, 28, 16, 16);
   x = r * std::sin(u);
   double z = axis_z + r * std::cos(u);
   if (u > 1.3) return {x, y, z};
 
-  z += 3.2 * bump2(x, y, 17, 20, 17, 7.5);     // supraorbital ridge
-  z += -5.0 * bump2(x, y, 29, 5, 15, 9);       // orbit
-  z += -5.0 * bump2(x, y, 17.5, 4, 6, 8);      // inner corner of the orbit
-  z += -2.5 * bump2(x, y, 0, -86, 20, 5.5);    // mentolabial fold
-  z += 2.5 * bump2(x, y, 0, -99, 15, 8);       // chin
-  z += -1.3 * bump2(x, y, 0, -53, 2.8, 6.5);   // philtrum
+  z += 2.4 * bump2(x, y, 18, 19.5, 18, 8.5);  // supraorbital ridge
+  z += -4.0 * bump2(x, y, 29, 4, 15, 10);     // orbit
+  z += -4.5 * bump2(x, y, 17.5, 2, 6, 9);     // inner corner of the orbit
+  z += -2.5 * bump2(x, y, 0, -86, 20, 5.5);   // mentolabial fold
+  z += 2.5 * bump2(x, y, 0, -99, 15, 8);      // chin
+  z += -1.3 * bump2(x, y, 0, -53, 2.8, 6.5);  // philtrum
   z += 0.7 * bump2(x, y, 5.2, -54, 2.2, 6.0);
+  // Nasolabial fold: a shallow valley from the wing of the nose past the corner of the mouth.
+  const double fold = 20.0 + 0.40 * std::max(0.0, -36.0 - y);
+  z += -1.1 * bump(x, fold, 3.2) * smooth_step(-y, 34, 44) * (1.0 - smooth_step(-y, 58, 76));
   z += lip_relief(u, y);
-  z = smooth_max(z, nose(x, y), 1.3);
+  if (x < 30.0 && y > -52.0 && y < 21.0) z = smooth_max(z, nose(x, y), 1.2);
 
   // Lids: a shell around the eyeball.
   const double d2 = std::pow(x - eye_x_mm, 2) + y * y, shell = eye_radius_mm + 1.0;
@@ -332,8 +336,8 @@ Eigen::Vector3d Skin::point(double column, double row) const {
                    1.6 * bump(row, line_lid_crease - 0.55, 0.35));
   Eigen::Vector3d p(x, y, z);
   // Nostrils: hollows in the underside of the nose.
-  const double hollow = bump2(x, y, 6.8, -43.8, 2.9, 2.0);
-  p += hollow * Eigen::Vector3d(0.0, 2.0, -7.0);
+  const double hollow = bump2(x, y, 7.0, -43.4, 2.6, 1.8);
+  p += hollow * Eigen::Vector3d(0.0, 2.6, -5.0);
   return p;
 }
 

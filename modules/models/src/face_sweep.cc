@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "face_profile.h"
 #include "face_skin.h"
 #include "semblance/geometry/contour.h"
 
@@ -72,27 +73,37 @@ Vector3d ear_point(const Place& place) {
     r << 18, 22, 28, 31, 27, 19, 14, 15, 20, 28, 26, 20;
     return PeriodicContour(r);
   }();
-  // Ring: scale of the outline and distance outwards.
-  static constexpr std::array<std::array<double, 2>, 10> rings = {{{0.62, -13.0},
-                                                                   {0.84, -5.0},
-                                                                   {0.97, -0.5},
-                                                                   {1.00, 2.0},
-                                                                   {0.92, 3.6},
-                                                                   {0.80, 0.8},
-                                                                   {0.66, 2.6},
-                                                                   {0.50, 0.5},
-                                                                   {0.33, -6.0},
-                                                                   {0.0, -8.0}}};
-  const auto& ring = rings[static_cast<int>(std::lround(place.a * 9.0))];
-  const double r = ring[0] * outline.at(place.b).value;
-  const double back = 13.0 + r * std::cos(place.b), up = r * std::sin(place.b);
-  const double flare = 0.5, tilt = 0.25;
-  const Vector3d e_back = Vector3d(std::sin(flare), 0.0, -std::cos(flare));
-  const Vector3d e_up0(0.0, 1.0, 0.0);
+  // Ring: scale of the outline, and distance outwards at helix, lobe and front (tragus).
+  struct Ring {
+    double scale, helix, lobe, front;
+  };
+  static constexpr std::array<Ring, 10> rings = {{{0.62, -13.0, -11.0, -11.0},
+                                                  {0.86, -5.0, -4.0, -8.0},
+                                                  {0.98, -0.5, -1.0, -6.0},
+                                                  {1.00, 2.2, 0.5, -4.5},
+                                                  {0.91, 3.6, 1.2, -3.5},
+                                                  {0.81, 0.2, 1.2, -2.5},
+                                                  {0.64, 2.8, 1.0, 0.0},
+                                                  {0.49, 0.8, 0.8, 2.0},
+                                                  {0.34, -6.0, -5.0, -4.0},
+                                                  {0.0, -8.0, -8.0, -8.0}}};
+  const int index = static_cast<int>(std::lround(place.a * 9.0));
+  const Ring& ring = rings[index];
+  const double lobe = std::pow(std::max(0.0, -std::sin(place.b)), 3.0);
+  const double front = std::pow(std::max(0.0, -std::cos(place.b)), 2.0);
+  const double helix = std::max(0.0, 1.0 - lobe - front);
+  const double height = helix * ring.helix + lobe * ring.lobe + front * ring.front;
+  // The concha lies towards the front and below the middle.
+  const double inner = smooth_step(index, 4.0, 8.0);
+  const double r = ring.scale * outline.at(place.b).value;
+  const double back = 13.0 - 2.5 * inner + r * std::cos(place.b);
+  const double up = -3.0 * inner + r * std::sin(place.b);
+  const double flare = 0.42, tilt = 0.2;
+  const Vector3d e_back(std::sin(flare), 0.0, -std::cos(flare));
   const Vector3d out(std::cos(flare), 0.0, std::sin(flare));
   const double b = back * std::cos(tilt) + up * std::sin(tilt);
   const double h = up * std::cos(tilt) - back * std::sin(tilt);
-  return ear_root + b * e_back + h * e_up0 + ring[1] * out;
+  return ear_root + b * e_back + h * Vector3d::UnitY() + height * out;
 }
 
 Vector3d place_point(const Skin& skin, const Place& place) {
