@@ -214,8 +214,10 @@ class Page {
         axis_.begin_s, axis_.end_s, axis_.frame_s, frames_.empty() ? 0 : frames_[0].frame);
     out_ += chart_definitions();
     const auto size = input_.track.header.value("frame_size", nlohmann::json::array());
-    const std::string picture =
-        size.size() == 2 ? fmt::format(", {} × {} pixels", size[0].dump(), size[1].dump()) : "";
+    const std::string picture = size.size() == 2
+                                    ? fmt::format(", {} × {} pixels", escape_html(size[0].dump()),
+                                                  escape_html(size[1].dump()))
+                                    : "";
     out_ += fmt::format(
         "<h1>{}</h1>\n<p class=\"sub\">Tracking report, {}{}, {} frames, {:.2f} s</p>\n",
         escape_html(input_.title), escape_html(input_.track.header.value("kind", "unknown kind")),
