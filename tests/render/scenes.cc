@@ -129,7 +129,7 @@ std::vector<NamedScene> scene_catalogue() {
   scenes.push_back(named("soup", {soup(400, 0.08f, 0.0f, 1)}, 0.002));
   scenes.push_back(named("tiny", {make_ellipsoid(400, 300, 0.45f)}, 0.01));
   scenes.push_back(named("outside", {soup(150, 0.4f, 0.5f, 2)}, 0.002));
-  SceneObject near = soup(200, 0.5f, 0.0f, 3);
+  SceneObject near = soup(200, 0.12f, 0.0f, 3);
   near.positions_m.col(2).array() += 0.9f;
   vertex_normals(near.positions_m, near.mesh->triangles, near.normals);
   scenes.push_back(named("near plane", {near}, 0.002));
@@ -141,6 +141,7 @@ std::vector<NamedScene> scene_catalogue() {
   textured.material.texture = make_texture(64, 48);
   backdrop.material.texture = make_texture(7, 5);
   SceneObject plain = soup(60, 0.05f, 0.0f, 4);
+  plain.positions_m.col(2).array() += 0.4f;
   plain.material.colour = {0.2f, 0.9f, 0.4f};
   scenes.push_back(named("textured", {backdrop, textured, plain}, 0.002));
   Camera& turned = scenes.back().camera;  // and a camera that is not at the origin
