@@ -23,7 +23,7 @@ namespace {
 const cv::Scalar k_wire{140, 225, 255}, k_feature{255, 214, 70}, k_dark{16, 18, 22};
 const cv::Scalar k_text{240, 240, 240}, k_faint_text{178, 182, 188};
 const cv::Scalar k_tracked{46, 160, 67}, k_lost{214, 40, 40}, k_reinitialised{230, 140, 0};
-constexpr int k_wire_vertices = 600;
+constexpr int k_wire_vertices = 450;
 constexpr int k_subpixel_bits = 4;  // cv's fixed-point drawing coordinates
 constexpr int k_readable_width = 640;
 constexpr std::size_t k_waiting_frames = 8;
