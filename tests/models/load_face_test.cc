@@ -228,7 +228,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadGltf{
             "OutsideFile",
             R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"../../../../etc/passwd"}]})",
-            "cannot"}),
+            "not beside"}),
     [](const auto& test) { return std::string(test.param.name); });
 
 TEST(LoadFace, RejectsATruncatedGlb) {
