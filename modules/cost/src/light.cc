@@ -40,7 +40,7 @@ void shade_vertices(const Scene& scene, int texture_width, int texture_height,
 
 ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
                        const Appearance& appearance, const SurfaceTopology& topology,
-                       const std::vector<float>& pixel_weight, double prior_weight, int stride) {
+                       const std::vector<float>& pixel_weight, const LightOptions& options) {
   const SceneObject& object = synthesis.scene.objects.front();
   const AlbedoPyramid::Level& texture = appearance.albedo().levels.front();
   using Matrix9 = Eigen::Matrix<double, 9, 9>;
@@ -52,7 +52,7 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
     right[c].setZero();
   }
   const VisiblePixels& seen = synthesis.pixels;
-  for (std::size_t i = 0; i < seen.size(); i += static_cast<std::size_t>(stride)) {
+  for (std::size_t i = 0; i < seen.size(); i += static_cast<std::size_t>(options.stride)) {
     const auto& corner = topology.triangles[seen.triangle[i]];
     const float b1 = seen.b1[i], b2 = seen.b2[i], b0 = 1.0f - b1 - b2;
     const Eigen::RowVector3f n =
@@ -87,10 +87,13 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
   for (int c = 0; c < 3; ++c) {
     Vector9 before;
     for (int k = 0; k < 9; ++k) before[k] = light.coefficients[k][c];
-    const double pull = prior_weight * std::max(normal[c](0, 0), 1e-9);
+    const double data = std::max(normal[c](0, 0), 1e-9);
+    Vector9 pull = Vector9::Constant(options.pull * data);
+    constexpr double kFixed = 1e6;
+    if (options.order < 2) pull.tail<5>().setConstant(kFixed * data);
     Matrix9 system = normal[c].selfadjointView<Eigen::Lower>();
-    system.diagonal().array() += pull;
-    const Vector9 after = system.ldlt().solve(right[c] + pull * before);
+    system.diagonal() += pull;
+    const Vector9 after = system.ldlt().solve(right[c] + pull.cwiseProduct(before));
     if (!after.allFinite()) continue;
     for (int k = 0; k < 9; ++k) light.coefficients[k][c] = static_cast<float>(after[k]);
   }

@@ -21,7 +21,8 @@ struct SynthesisWorkspace::Pool {
   std::vector<std::unique_ptr<Buffers>> idle;
 };
 
-SynthesisWorkspace::SynthesisWorkspace(const ParametricModel& model, const SurfaceTopology& topology)
+SynthesisWorkspace::SynthesisWorkspace(const ParametricModel& model,
+                                       const SurfaceTopology& topology)
     : model_(model), topology_(topology), pool_(std::make_unique<Pool>()) {}
 
 SynthesisWorkspace::~SynthesisWorkspace() = default;
@@ -147,7 +148,7 @@ bool SynthesisObjective::normal_equations(const Eigen::VectorXd& x, NormalEquati
   buffers->scene.light = light_;
   buffers->rasteriser.visible_pixels(buffers->scene, camera_, nullptr, buffers->pixels);
   const std::span<const float> projected = buffers->rasteriser.projected_vertices();
-  const Synthesis synthesis{space_,  x, buffers->scene, camera_, buffers->pixels, projected};
+  const Synthesis synthesis{space_, x, buffers->scene, camera_, buffers->pixels, projected};
   buffers->equations.reset();
   for (const Cost* cost : costs_) {
     out.cost += cost->evaluate(synthesis, &buffers->equations, &out);
@@ -172,7 +173,8 @@ bool SynthesisObjective::normal_equations(const Eigen::VectorXd& x, NormalEquati
     // Pixel = f X/Z + c, so d(pixel) = (f dX - (pixel - c) dZ) / Z.
     Eigen::Matrix<float, 2, 3> pixel_from_camera;
     pixel_from_camera << fx, 0.0f, cx - p[0], 0.0f, fy, cy - p[1];
-    const Eigen::Matrix<float, 2, 3> pixel_from_world = inverse_depth * pixel_from_camera * rotation;
+    const Eigen::Matrix<float, 2, 3> pixel_from_world =
+        inverse_depth * pixel_from_camera * rotation;
     const auto moved = buffers->jacobian.middleRows(3 * Eigen::Index{vertices[i]}, 3);
     buffers->motion.middleRows(2 * static_cast<Eigen::Index>(i), 2).noalias() =
         pixel_from_world.lazyProduct(moved);

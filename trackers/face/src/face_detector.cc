@@ -16,8 +16,10 @@ namespace {
 
 constexpr int kDetectionWidth = 320;  // a face of a fifth of the picture is still 60 px wide
 
-std::string cascade_path() {
-  const std::string name = "haarcascade_frontalface_alt2.xml";
+// Where faces have their eyes in the cascade's box, as fractions of its width and height.
+constexpr double kEyeDistance = 0.40, kEyeHeight = 0.40;
+
+std::string cascade_path(const std::string& name) {
   std::vector<std::string> folders;
   if (const char* chosen = std::getenv("SEMBLANCE_CASCADES")) folders.emplace_back(chosen);
   folders.emplace_back("/usr/share/opencv4/haarcascades");
@@ -32,17 +34,54 @@ std::string cascade_path() {
                      "; install the package opencv-data, or set SEMBLANCE_CASCADES to its folder");
 }
 
+void load(cv::CascadeClassifier& cascade, const std::string& name) {
+  const std::string path = cascade_path(name);
+  if (!cascade.load(path)) {
+    throw InvalidInput("face detector: " + path + " is not a cascade file OpenCV can read");
+  }
+}
+
+/// The pair of detections that lie most like two eyes in a face's box of size `width`.
+std::optional<std::array<Eigen::Vector2d, 2>> choose_eyes(const std::vector<cv::Rect>& found,
+                                                          const std::vector<int>& votes,
+                                                          double width) {
+  std::optional<std::array<Eigen::Vector2d, 2>> best;
+  int best_votes = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t j = 0; j < found.size(); ++j) {
+      const auto centre = [](const cv::Rect& r) {
+        return Eigen::Vector2d(r.x + 0.5 * r.width, r.y + 0.5 * r.height);
+      };
+      const Eigen::Vector2d left = centre(found[i]), right = centre(found[j]);
+      const Eigen::Vector2d apart = (right - left) / width;
+      if (apart.x() < 0.28 || apart.x() > 0.55 || std::abs(apart.y()) > 0.15) continue;
+      if (std::abs(0.5 * (left.x() + right.x()) / width - 0.5) > 0.12) continue;
+      if (votes[i] + votes[j] <= best_votes) continue;
+      best_votes = votes[i] + votes[j];
+      best = {left, right};
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
+Eigen::Vector2d FaceBox::eye_middle_px() const {
+  if (eyes_px) return 0.5 * ((*eyes_px)[0] + (*eyes_px)[1]);
+  return {x_px + 0.5 * width_px, y_px + kEyeHeight * height_px};
+}
+
+double FaceBox::eye_distance_px() const {
+  return eyes_px ? ((*eyes_px)[1] - (*eyes_px)[0]).norm() : kEyeDistance * width_px;
+}
+
 struct FaceDetector::Impl {
-  cv::CascadeClassifier cascade;
+  cv::CascadeClassifier face, eye;
 };
 
 FaceDetector::FaceDetector() : impl_(std::make_unique<Impl>()) {
-  const std::string path = cascade_path();
-  if (!impl_->cascade.load(path)) {
-    throw InvalidInput("face detector: " + path + " is not a cascade file OpenCV can read");
-  }
+  load(impl_->face, "haarcascade_frontalface_alt2.xml");
+  load(impl_->eye, "haarcascade_eye.xml");
 }
 
 FaceDetector::~FaceDetector() = default;
@@ -64,11 +103,33 @@ std::vector<FaceBox> FaceDetector::detect(const Image& linear_rgb) const {
   std::vector<cv::Rect> found;
   std::vector<int> votes;
   const int least = std::max(24, small.rows / 10);
-  impl_->cascade.detectMultiScale(small, found, votes, 1.1, 4, 0, cv::Size(least, least));
+  impl_->face.detectMultiScale(small, found, votes, 1.1, 4, 0, cv::Size(least, least));
   std::vector<FaceBox> out;
   for (std::size_t i = 0; i < found.size(); ++i) {
-    out.push_back({found[i].x / scale, found[i].y / scale, found[i].width / scale,
-                   found[i].height / scale, votes[i]});
+    FaceBox box{found[i].x / scale,      found[i].y / scale, found[i].width / scale,
+                found[i].height / scale, votes[i],           std::nullopt};
+    // Eyes are sought in the upper part of the box, at the image's own resolution.
+    const cv::Rect upper =
+        cv::Rect(static_cast<int>(box.x_px), static_cast<int>(box.y_px),
+                 static_cast<int>(box.width_px), static_cast<int>(0.65 * box.height_px)) &
+        cv::Rect(0, 0, gray.cols, gray.rows);
+    if (upper.area() > 0) {
+      cv::Mat part = gray(upper).clone();
+      const double enlarge = std::max(1.0, 160.0 / part.cols);
+      cv::resize(part, part, cv::Size(), enlarge, enlarge, cv::INTER_LINEAR);
+      cv::equalizeHist(part, part);
+      std::vector<cv::Rect> eyes;
+      std::vector<int> eye_votes;
+      const int side = static_cast<int>(0.15 * part.cols);
+      impl_->eye.detectMultiScale(part, eyes, eye_votes, 1.05, 3, 0, cv::Size(side, side));
+      box.eyes_px = choose_eyes(eyes, eye_votes, part.cols);
+      if (box.eyes_px) {
+        for (Eigen::Vector2d& eye : *box.eyes_px) {
+          eye = eye / enlarge + Eigen::Vector2d(upper.x, upper.y);
+        }
+      }
+    }
+    out.push_back(box);
   }
   std::sort(out.begin(), out.end(),
             [](const FaceBox& a, const FaceBox& b) { return a.width_px > b.width_px; });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "face_parts.h"
 #include "semblance/core/errors.h"
@@ -14,10 +15,8 @@ namespace semblance {
 namespace {
 
 constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
-// Where the cascade's box lies on a face, measured over the box of the generic face's renderings.
-constexpr double kBoxEyeDistance = 0.42, kBoxEyeHeight = 0.40;
 constexpr int kTextureSize = 256;
-constexpr std::size_t kRefinedStarts = 6;
+constexpr std::size_t kRefinedStarts = 4;
 
 std::vector<int> pose_blocks() { return {0, 1}; }
 
@@ -41,6 +40,20 @@ int level_for(const Observation& observation, double eyes_px, double wanted_px) 
   return std::min(level, static_cast<int>(observation.levels.size()) - 1);
 }
 
+/// How far the pose may be from where the detector or the marks put it.
+PriorCost start_prior(const ParameterSpace& space, const Camera& camera,
+                      const Eigen::VectorXd& start) {
+  constexpr double kTurn = 0.25, kPlace = 0.15, kDepth = 0.12;  // rad; eye distances; of the depth
+  const double depth_m = (camera.camera_from_world * Eigen::Vector3d(start.segment<3>(4))).z();
+  Eigen::VectorXd sigma =
+      Eigen::VectorXd::Constant(space.tangent_size(), std::numeric_limits<double>::infinity());
+  sigma.head<3>().setConstant(kTurn);
+  sigma.segment<3>(3) << kPlace * kEyeDistance_m, kPlace * kEyeDistance_m, kDepth * depth_m;
+  Eigen::VectorXd mean = space.initial();
+  mean.head<7>() = start.head<7>();
+  return PriorCost(mean, sigma);
+}
+
 }  // namespace
 
 void set_pose(const ParameterSpace& space, const Camera& camera, const Eigen::Vector2d& eyes_px,
@@ -59,14 +72,11 @@ FaceFitter::FaceFitter(const MorphModel& model)
       workspace_(model_, topology_),
       appearance_(*model.shape().mesh, kTextureSize, vertex_albedo(model.shape()),
                   vertex_confidence(model.shape())),
-      triangle_weight_(triangle_weights(model.shape(), topology_, colour_confidence)) {
-  // The confidence of the colours already is in the texture: here only what is unknown counts out.
-  for (float& weight : triangle_weight_) weight = weight > 0.0f ? 1.0f : 0.0f;
-}
+      triangle_weight_(inner_face_weight(model.shape(), topology_)) {}
 
 void FaceFitter::refine(const Observation& observation, const Camera& full_camera,
-                        const Stage& stage, const std::vector<FaceMark>& marks,
-                        FaceFit& fit) const {
+                        const Stage& stage, const Eigen::VectorXd& start,
+                        const std::vector<FaceMark>& marks, FaceFit& fit) const {
   const ObservationLevel& level = observation.levels[static_cast<std::size_t>(stage.level)];
   const Camera camera = full_camera.scaled(level.scale);
   const std::vector<int> free = stage.with_shape ? all_blocks(model_) : pose_blocks();
@@ -91,13 +101,15 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
       const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
       const std::vector<float> weight = cost.statistics(synthesis).pixel_weight;
       const std::vector<float> flat(synthesis.pixels.size(), 1.0f);
-      fit.light = estimate_light(synthesis, level, appearance_, topology_,
-                                 round == 0 ? flat : weight, 0.02, 1);
+      fit.light =
+          estimate_light(synthesis, level, appearance_, topology_, round == 0 ? flat : weight,
+                         {.pull = 0.01, .order = 1, .stride = 1});
     });
     const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
     SynthesisObjective shape_of_prior(workspace_, fit.x, free, fit.light, camera, {});
     const PriorCost prior(shape_of_prior.space());
-    std::vector<const Cost*> costs = {&cost, &prior};
+    const PriorCost near_start = start_prior(shape_of_prior.space(), full_camera, start);
+    std::vector<const Cost*> costs = {&cost, &prior, &near_start};
     if (!marks.empty()) costs.push_back(&landmarks);
     const SynthesisObjective objective(workspace_, fit.x, free, fit.light, camera, costs);
     const Solution solution =
@@ -111,11 +123,11 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
 }
 
 FaceFit FaceFitter::finish(const Observation& observation, const Camera& camera,
-                           const std::vector<FaceMark>& marks, std::vector<FaceFit> starts,
-                           int coarse_level) const {
+                           const Eigen::VectorXd& detected, const std::vector<FaceMark>& marks,
+                           std::vector<FaceFit> starts, int coarse_level) const {
   parallel_for(starts.size(), [&](std::size_t i) {
-    refine(observation, camera, {coarse_level, false, 0.15, 2, 6}, marks, starts[i]);
-    refine(observation, camera, {coarse_level, true, 0.12, 3, 6}, marks, starts[i]);
+    refine(observation, camera, {coarse_level, false, 0.15, 2, 6}, detected, marks, starts[i]);
+    refine(observation, camera, {coarse_level, true, 0.12, 3, 5}, detected, marks, starts[i]);
   });
   const auto best =
       std::max_element(starts.begin(), starts.end(), [](const FaceFit& a, const FaceFit& b) {
@@ -127,32 +139,37 @@ FaceFit FaceFitter::finish(const Observation& observation, const Camera& camera,
   }
   FaceFit fit = *best;
   for (int level = coarse_level - 1; level >= 0; --level) {
-    refine(observation, camera, {level, true, 0.1, 3, 8}, marks, fit);
+    refine(observation, camera, {level, true, 0.1, 3, 6}, detected, marks, fit);
   }
   return fit;
 }
 
 FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
                         const FaceBox& box) const {
-  const double apart = kBoxEyeDistance * box.width_px;
+  const double apart = box.eye_distance_px();
+  const Eigen::Vector2d middle = box.eye_middle_px();
+  const double tilt = box.eyes_px ? std::atan2((*box.eyes_px)[0].y() - (*box.eyes_px)[1].y(),
+                                               (*box.eyes_px)[1].x() - (*box.eyes_px)[0].x())
+                                  : 0.0;
+  Eigen::VectorXd detected = model_.parameters().initial();
+  set_pose(model_.parameters(), camera, middle, apart,
+           Eigen::Quaterniond(Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitZ())), detected);
   const int level_index = level_for(observation, apart, 16.0);
   const ObservationLevel& level = observation.levels[static_cast<std::size_t>(level_index)];
   const Camera small = camera.scaled(level.scale);
   std::vector<FaceFit> starts;
   for (double yaw : {-0.5, -0.25, 0.0, 0.25, 0.5}) {
     for (double pitch : {-0.2, 0.0, 0.2}) {
-      for (double roll : {-0.2, 0.0, 0.2}) {
-        for (double scale : {0.88, 1.0, 1.14}) {
-          for (double shift : {-0.05, 0.05}) {
+      for (double roll : {-0.12, 0.0, 0.12}) {
+        for (double scale : {0.9, 1.0, 1.1}) {
+          for (double shift : {-0.08, 0.0, 0.08}) {
             FaceFit start;
             start.x = model_.parameters().initial();
-            const Eigen::Quaterniond q = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+            const Eigen::Quaterniond q = Eigen::AngleAxisd(tilt + roll, Eigen::Vector3d::UnitZ()) *
                                          Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
                                          Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX());
-            set_pose(
-                model_.parameters(), camera,
-                {box.x_px + 0.5 * box.width_px, box.y_px + (kBoxEyeHeight + shift) * box.height_px},
-                apart * scale, q, start.x);
+            set_pose(model_.parameters(), camera, middle + Eigen::Vector2d(0.0, shift * apart),
+                     apart * scale, q, start.x);
             starts.push_back(std::move(start));
           }
         }
@@ -170,7 +187,8 @@ FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
       if (synthesis.pixels.size() < 64) return;
       options.texture_level = matching_texture_level(synthesis, appearance_, topology_);
       start.light = estimate_light(synthesis, level, appearance_, topology_,
-                                   std::vector<float>(synthesis.pixels.size(), 1.0f), 0.02, 2);
+                                   std::vector<float>(synthesis.pixels.size(), 1.0f),
+                                   {.pull = 0.01, .order = 1, .stride = 2});
     });
     const SynthesisObjective lit(workspace_, start.x, pose_blocks(), start.light, small, {});
     const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, options);
@@ -183,7 +201,7 @@ FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
                       return a.statistics.correlation > b.statistics.correlation;
                     });
   starts.resize(kept);
-  return finish(observation, camera, {}, std::move(starts), level_index);
+  return finish(observation, camera, detected, {}, std::move(starts), level_index);
 }
 
 FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
@@ -220,7 +238,7 @@ FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
   set_pose(model_.parameters(), camera, centre - model_centre * px_per_m, kEyeDistance_m * px_per_m,
            Eigen::Quaterniond::Identity(), start.x);
   const int level = level_for(observation, eye_distance_px(camera, start.x), 16.0);
-  return finish(observation, camera, marks, {start}, level);
+  return finish(observation, camera, start.x, marks, {start}, level);
 }
 
 }  // namespace semblance

@@ -1,6 +1,7 @@
 #include "face_parts.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace semblance {
 
@@ -70,6 +71,23 @@ std::vector<float> vertex_confidence(const MorphShape& shape) {
   std::vector<float> out(static_cast<std::size_t>(shape.mesh->vertex_count()));
   for (std::size_t v = 0; v < out.size(); ++v) {
     out[v] = colour_confidence(part_of(shape, static_cast<int>(v)));
+  }
+  return out;
+}
+
+std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology) {
+  std::vector<float> out;
+  for (const auto& corner : topology.triangles) {
+    float least = 1.0f;
+    for (int vertex : corner) {
+      const auto p = shape.mesh->positions_m.row(vertex);
+      // An upright ellipse about the nose; the back half of the head does not count.
+      const double rx = p.x() / 0.066, ry = (p.y() + 0.035) / 0.088;
+      const double outside = std::sqrt(rx * rx + ry * ry) - 0.85;
+      const double inside = p.z() < -0.03 ? 0.0 : 1.0 - outside / 0.3;
+      least = std::min(least, static_cast<float>(std::clamp(inside, 0.0, 1.0)));
+    }
+    out.push_back(least);
   }
   return out;
 }

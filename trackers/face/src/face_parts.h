@@ -19,6 +19,9 @@ float tracking_weight(FacePart part);
 /// The same for every vertex of a shape.
 PointsF vertex_albedo(const MorphShape& shape);
 std::vector<float> vertex_confidence(const MorphShape& shape);
+/// 1 inside the oval of brows, eyes, nose, mouth and chin, falling to 0 around it: the part of a
+/// face that is neither hair nor neck nor background, whoever's it is.
+std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology);
 /// Weight of each triangle: the least of its corners'.
 std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
                                     float (*weight)(FacePart));

@@ -227,7 +227,8 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
       const PhotometricCost cost(&level, &person->appearance, &person->topology,
                                  &person->triangle_weight, photometric);
       attempt.light = estimate_light(synthesis, level, person->appearance, person->topology,
-                                     cost.statistics(synthesis).pixel_weight, 0.05, l == 0 ? 3 : 1);
+                                     cost.statistics(synthesis).pixel_weight,
+                                     {.pull = 0.05, .order = 2, .stride = l == 0 ? 3 : 1});
     });
     const PhotometricCost cost(&level, &person->appearance, &person->topology,
                                &person->triangle_weight, photometric);
@@ -278,9 +279,8 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::search(const Observation& observat
     for (double yaw : {0.0, -0.3, 0.3}) {
       for (double scale : {0.9, 1.1}) {
         Eigen::VectorXd x = person->model.parameters().initial();
-        set_pose(person->model.parameters(), camera,
-                 {box.x_px + 0.5 * box.width_px, box.y_px + 0.4 * box.height_px},
-                 0.42 * box.width_px * scale,
+        set_pose(person->model.parameters(), camera, box.eye_middle_px(),
+                 box.eye_distance_px() * scale,
                  Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY())), x);
         starts.push_back(std::move(x));
       }

@@ -67,11 +67,16 @@ class PhotometricCost : public Cost {
   PhotometricOptions options_;
 };
 
-/// Light that explains the observation best (weighted least squares on the linear scale with
-/// weights that undo the encoding, and a pull of strength `prior_weight` towards the light of the
-/// scene). `pixel_weight` has one entry per visible pixel; `stride` uses every stride-th pixel.
+struct LightOptions {
+  double pull = 0.05;  // strength of the pull towards the scene's light, relative to the data
+  int order = 2;       // of the spherical harmonics that may change: 1 is ambient and direction
+  int stride = 1;      // uses every stride-th pixel
+};
+
+/// Light that explains the observation best: weighted least squares on the linear scale, with weights
+/// that undo the encoding. `pixel_weight` has one entry per visible pixel.
 ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
                        const Appearance& appearance, const SurfaceTopology& topology,
-                       const std::vector<float>& pixel_weight, double prior_weight, int stride);
+                       const std::vector<float>& pixel_weight, const LightOptions& options);
 
 }  // namespace semblance

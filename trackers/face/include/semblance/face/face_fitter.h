@@ -43,6 +43,8 @@ class FaceFitter {
               const std::vector<FaceMark>& marks) const;
 
   const SurfaceTopology& topology() const { return topology_; }
+  /// The coloured face that is compared with the image.
+  const Appearance& generic_appearance() const { return appearance_; }
 
  private:
   struct Stage {
@@ -53,10 +55,10 @@ class FaceFitter {
     int iterations = 6;
   };
   void refine(const Observation& observation, const Camera& camera, const Stage& stage,
-              const std::vector<FaceMark>& marks, FaceFit& fit) const;
+              const Eigen::VectorXd& start, const std::vector<FaceMark>& marks, FaceFit& fit) const;
   FaceFit finish(const Observation& observation, const Camera& camera,
-                 const std::vector<FaceMark>& marks, std::vector<FaceFit> starts,
-                 int coarse_level) const;
+                 const Eigen::VectorXd& detected, const std::vector<FaceMark>& marks,
+                 std::vector<FaceFit> starts, int coarse_level) const;
 
   const MorphModel& model_;
   SurfaceTopology topology_;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "semblance/face/face_fitter.h"
-#include "semblance/io/track_file.h"
+#include "semblance/pipeline/tracking_run.h"
 
 namespace semblance {
 
@@ -23,11 +23,11 @@ struct FaceTrackerOptions {
 /// Analysis by synthesis per frame: predict the pose, render the textured face, compare with the
 /// image, change pose and expression until the two look alike, from coarse to fine; then update the
 /// light, fill parts of the texture that were not seen before, and judge whether to believe it.
-class FaceTracker {
+class FaceTracker : public FrameTracker {
  public:
   /// `camera` must be free of distortion: undistort the images first.
   FaceTracker(MorphShape shape, const Camera& camera, const FaceTrackerOptions& options);
-  ~FaceTracker();
+  ~FaceTracker() override;
 
   /// Names of all parameters that frames report: pose, identity, expression.
   const ParameterSpace& parameters() const;
@@ -36,10 +36,9 @@ class FaceTracker {
   /// The next frame. A frame whose face is not found, or whose fit is not believed, is lost: it has
   /// no estimate, and the following frames search anew. Throws InvalidInput if the first frame with
   /// faces shows several and none was chosen.
-  TrackFrame track(int frame, double time_s, const Observation& observation);
+  TrackFrame track(int frame, double time_s, const Observation& observation) override;
 
-  /// Levels that `track` needs in its observations.
-  int pyramid_levels() const;
+  int pyramid_levels() const override;
   /// True once a face was found.
   bool has_identity() const;
   /// The person's face (identity fixed) and albedo as gathered so far. Throws before the first fit.
@@ -48,10 +47,8 @@ class FaceTracker {
   /// The posed scene of a tracked frame, for overlays.
   void pose_scene(const TrackFrame& frame, Scene& scene) const;
 
-  /// All that the next frame depends on, in this machine's binary form.
-  void save_state(std::ostream& out) const;
-  /// Throws InvalidInput naming `source` if the state was not saved by the same model and options.
-  void restore_state(std::istream& in, const std::string& source);
+  void save_state(std::ostream& out) const override;
+  void restore_state(std::istream& in, const std::string& source) override;
 
  private:
   struct Impl;

@@ -1,0 +1,257 @@
+#include "semblance/pipeline/tracking_run.h"
+
+#include <chrono>
+#include <condition_variable>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "semblance/core/atomic_file.h"
+#include "semblance/core/errors.h"
+
+namespace semblance {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr char kCheckpointMagic[] = "semblance.checkpoint/1\n";
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// Where each pixel of the undistorted picture lies in the distorted one.
+class Undistortion {
+ public:
+  explicit Undistortion(const Camera& camera) : camera_(camera) {
+    if (camera.lens == Camera::Lens::pinhole) return;
+    const Camera straight = camera.without_distortion();
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        places_.push_back(project(camera, unproject(straight, {x + 0.5, y + 0.5})).cast<float>());
+      }
+    }
+  }
+  void apply(Image& image) const {
+    if (places_.empty()) return;
+    Image out(image.width, image.height, 3);
+    for (std::size_t i = 0; i < places_.size(); ++i) {
+      sample_bilinear(image, places_[i].x(), places_[i].y(), out.data.data() + 3 * i);
+    }
+    image = std::move(out);
+  }
+  bool active() const { return !places_.empty(); }
+
+ private:
+  Camera camera_;
+  std::vector<Eigen::Vector2f> places_;
+};
+
+struct PreparedFrame {
+  int index = 0;
+  Rgb8 picture;
+  Observation observation;
+};
+
+/// Decodes and builds pyramids ahead of the tracker on a thread of its own.
+class FrameFeed {
+ public:
+  FrameFeed(VideoSource& video, const Undistortion& undistortion, int levels, int first_tracked)
+      : video_(video),
+        undistortion_(undistortion),
+        levels_(levels),
+        first_tracked_(first_tracked),
+        thread_([this] { run(); }) {}
+  ~FrameFeed() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopped_ = true;
+      changed_.notify_all();
+    }
+    thread_.join();
+  }
+  FrameFeed(const FrameFeed&) = delete;
+
+  std::optional<PreparedFrame> next() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return !ready_.empty() || ended_; });
+    if (ready_.empty()) {
+      if (error_) std::rethrow_exception(error_);
+      return std::nullopt;
+    }
+    PreparedFrame frame = std::move(ready_.front());
+    ready_.pop_front();
+    changed_.notify_all();
+    return frame;
+  }
+  double busy_s() const { return busy_s_; }
+
+ private:
+  static constexpr std::size_t kAhead = 6;
+
+  void run() {
+    try {
+      while (true) {
+        const auto begin = Clock::now();
+        PreparedFrame frame;
+        frame.index = video_.position();
+        if (!video_.next(frame.picture)) break;
+        if (frame.index >= first_tracked_ || undistortion_.active()) {
+          Image linear = linear_from_rgb8(frame.picture);
+          if (undistortion_.active()) {
+            undistortion_.apply(linear);
+            frame.picture = rgb8_from_linear(linear);
+          }
+          if (frame.index >= first_tracked_) {
+            frame.observation = make_observation(std::move(linear), levels_);
+          }
+        }
+        busy_s_ += seconds_since(begin);
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [this] { return ready_.size() < kAhead || stopped_; });
+        if (stopped_) break;
+        ready_.push_back(std::move(frame));
+        changed_.notify_all();
+      }
+    } catch (...) {
+      error_ = std::current_exception();
+    }
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    changed_.notify_all();
+  }
+
+  VideoSource& video_;
+  const Undistortion& undistortion_;
+  int levels_, first_tracked_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<PreparedFrame> ready_;
+  bool ended_ = false, stopped_ = false;
+  std::exception_ptr error_;
+  double busy_s_ = 0.0;
+  std::thread thread_;  // last: starts when all else is there
+};
+
+/// checkpoint.bin: magic, the number of frames done, then the tracker's state.
+void save_checkpoint(const std::filesystem::path& path, std::int32_t frames_done,
+                     const FrameTracker& tracker) {
+  AtomicFile file(path);
+  file.stream().write(kCheckpointMagic, sizeof kCheckpointMagic);
+  file.stream().write(reinterpret_cast<const char*>(&frames_done), sizeof frames_done);
+  tracker.save_state(file.stream());
+  file.commit();
+}
+
+/// Number of frames done, 0 where there is no checkpoint.
+int load_checkpoint(const std::filesystem::path& path, FrameTracker& tracker) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return 0;
+  char magic[sizeof kCheckpointMagic] = {};
+  std::int32_t frames_done = 0;
+  in.read(magic, sizeof magic);
+  in.read(reinterpret_cast<char*>(&frames_done), sizeof frames_done);
+  if (!in || std::memcmp(magic, kCheckpointMagic, sizeof magic) != 0 || frames_done < 0) {
+    throw InvalidInput(path.string() +
+                       ": not a checkpoint of this version; run without --resume to start afresh");
+  }
+  tracker.restore_state(in, path.string());
+  return frames_done;
+}
+
+/// Cuts the result file after its header and `frames` lines and returns those frames.
+std::vector<TrackFrame> cut_results(const std::string& path, const TrackHeader& header,
+                                    std::size_t frames) {
+  Track track = read_track(path);
+  if (track.header.value("config", nlohmann::json()) != header.config) {
+    throw InvalidInput(path + ": was made with other settings, so it cannot be resumed; use the same "
+                              "options, or another output folder");
+  }
+  if (track.frames.size() < frames) {
+    throw InvalidInput(path + ": has fewer frames than its checkpoint; run without --resume");
+  }
+  track.frames.resize(frames);
+  std::ifstream in(path, std::ios::binary);
+  std::string line;
+  std::uintmax_t bytes = 0;
+  for (std::size_t i = 0; i < frames + 1 && std::getline(in, line); ++i) bytes += line.size() + 1;
+  in.close();
+  std::filesystem::resize_file(path, bytes);
+  return track.frames;
+}
+
+void count(const TrackFrame& frame, TrackingOutcome& outcome) {
+  ++outcome.frames;
+  if (frame.status == TrackStatus::lost) ++outcome.lost;
+  if (frame.status != TrackStatus::lost) ++outcome.tracked;
+  if (frame.status == TrackStatus::reinitialised) ++outcome.reinitialised;
+}
+
+}  // namespace
+
+TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, const FrameSink& sink,
+                             Progress& progress) {
+  const auto begin = Clock::now();
+  VideoSource video(run.video);
+  const VideoInfo& info = video.info();
+  if (info.width != run.camera.width || info.height != run.camera.height) {
+    throw InvalidInput(run.video + ": its pictures are " + std::to_string(info.width) + " x " +
+                       std::to_string(info.height) + " but the camera is calibrated for " +
+                       std::to_string(run.camera.width) + " x " + std::to_string(run.camera.height) +
+                       "; give the camera file of this video size");
+  }
+  const std::filesystem::path folder(run.folder);
+  const std::string results = (folder / "track.jsonl").string();
+  const std::filesystem::path checkpoint = folder / "checkpoint.bin";
+  std::vector<TrackFrame> earlier;
+  std::optional<TrackWriter> writer;
+  if (run.resume && std::filesystem::exists(results) && std::filesystem::exists(checkpoint)) {
+    const int done = load_checkpoint(checkpoint, tracker);
+    earlier = cut_results(results, run.header, static_cast<std::size_t>(done));
+    writer.emplace(TrackWriter::append(results));
+  } else {
+    std::filesystem::remove(checkpoint);
+    writer.emplace(results, run.header);
+  }
+
+  const Undistortion undistortion(run.camera);
+  const int first = static_cast<int>(earlier.size());
+  FrameFeed feed(video, undistortion, tracker.pyramid_levels(), first);
+  TrackingOutcome outcome;
+  progress.begin("tracking", info.frame_count);
+  while (std::optional<PreparedFrame> frame = feed.next()) {
+    if (frame->index < first) {
+      count(earlier[static_cast<std::size_t>(frame->index)], outcome);
+      sink(frame->picture, earlier[static_cast<std::size_t>(frame->index)]);
+      continue;
+    }
+    if (run.last_frame >= 0 && frame->index > run.last_frame) break;
+    const auto frame_begin = Clock::now();
+    const double time_s = info.frames_per_second > 0 ? frame->index / info.frames_per_second : 0.0;
+    const TrackFrame result = tracker.track(frame->index, time_s, frame->observation);
+    outcome.times.track_s += seconds_since(frame_begin);
+    writer->write(result);
+    count(result, outcome);
+    sink(frame->picture, result);
+    progress.update(outcome.frames);
+    if (progress.cancelled()) outcome.cancelled = true;
+    if (outcome.cancelled || outcome.frames % run.checkpoint_every == 0) {
+      save_checkpoint(checkpoint, outcome.frames, tracker);
+    }
+    if (outcome.cancelled) break;
+  }
+  progress.end();
+  if (outcome.frames == 0) {
+    throw InvalidInput(run.video + ": holds no frames; check that it plays in a video player");
+  }
+  outcome.times.decode_s = feed.busy_s();
+  outcome.times.total_s = seconds_since(begin);
+  if (!outcome.cancelled) save_checkpoint(checkpoint, outcome.frames, tracker);
+  return outcome;
+}
+
+}  // namespace semblance
