@@ -379,7 +379,7 @@ ceres::Solver::Options solver_options() {
   solver.num_threads = 1;  // the order of Ceres' sums depends on the number of threads
   solver.max_num_iterations = 30;
   solver.initial_trust_region_radius = 1e12;  // only the rotations are not linear
-  solver.function_tolerance = 1e-12;
+  solver.function_tolerance = 1e-10;
   solver.parameter_tolerance = 1e-12;
   solver.gradient_tolerance = 0.0;
   return solver;
