@@ -79,10 +79,12 @@ double lower_lid_share(const Place& place) {
 Vector3d eye_motion(const Place& place, const Vector3d& p, const Identity& c) {
   const Vector3d q = p - Vector3d(eye_x_mm, 0, 0);
   Vector3d d = Vector3d::Zero();
+  // The outer corner moves sideways; over the eyeball the lid slides along it.
+  const double outwards = c[eye_fissure_length] * bump2(p.x(), p.y(), 46.0, 0, 6.0, 10);
+  const double slide =
+      (1.0 - smooth_step(q.x(), 10, 13)) * std::min(1.0, q.x() / std::max(6.0, q.z()));
+  d += Vector3d(outwards, 0.0, -outwards * slide);
   // Rotations about the eye's centre keep the lids' distance from the eyeball.
-  const double along = bump2(p.x(), p.y(), 45.5, 0, 9, 10);
-  const double yaw = c[eye_fissure_length] * along / 13.0;
-  d += Vector3d(q.z() * yaw, 0.0, -q.x() * yaw);
   const double slit = slit_share(p.x() - eye_x_mm);
   const double pitch = c[eye_fissure_height] * slit *
                        (0.6 * upper_lid_share(place) - 0.4 * lower_lid_share(place)) /
@@ -138,7 +140,8 @@ Vector3d profile_motion(const Vector3d& p, const Identity& c) {
   d.z() += c[brow_ridge] * bump2(x, y, 14, 19, 24, 8);
   d.x() += c[nose_breadth] * 0.5 * smooth_step(x, 1, 15) * (1.0 - smooth_step(x, 20, 34)) *
            bump(y, -40, 12);
-  d.z() += c[nose_protrusion] * bump2(x, y, 0, -36, 12, 15);
+  // It falls off quickly below the tip: the lip stays.
+  d.z() += c[nose_protrusion] * bump2(x, y, 0, -35, 11, y > -35 ? 17 : 7);
   d.z() += c[nasal_bridge_height] * bump2(x, y, 0, 0, 9, 17);
   d.x() += c[nasal_bridge_width] * 0.5 * bump2(x, y, 9, -4, 7, 15);
   d.y() += c[nose_tip_height] * bump2(x, y, 0, -39, 13, 9);
@@ -261,7 +264,7 @@ Vector3d identity_displacement(const Place& place, const Vector3d& p, const Iden
   // The lids move with their eyeball alone.
   const double lids =
       p.z() > -20.0 || on_lid_lining
-          ? 1.0 - smooth_step(std::hypot((p.x() - eye_x_mm) / 1.2, p.y()), 13.0, 23.0)
+          ? 1.0 - smooth_step(std::hypot((p.x() - eye_x_mm) / 1.2, p.y()), 13.0, 27.0)
           : 0.0;
   Vector3d d = (1.0 - lids) * (head_motion(p, c) + profile_motion(p, c));
   if (place.patch == Patch::upper_teeth || place.patch == Patch::lower_teeth) return {0, d.y(), 0};

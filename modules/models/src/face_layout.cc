@@ -70,16 +70,6 @@ class Builder {
     triangle(a, c, d);
     triangle(a, d, b);
   }
-  // Between two rows; the left half's diagonals mirror the right's.
-  void skin_quad(std::size_t k, const std::vector<int>& above, const std::vector<int>& below) {
-    const int a = above[k], b = above[k + 1], c = below[k], d = below[k + 1];
-    if (columns_[k] >= 0.0) {
-      quad(a, b, c, d);
-    } else {
-      triangle(a, c, b);
-      triangle(b, c, d);
-    }
-  }
   int steps(int at_density_one, int least) const {
     return std::max(least, static_cast<int>(std::lround(at_density_one * density_)));
   }
@@ -114,7 +104,7 @@ class Builder {
           if (r == 1) {
             triangle(above[k], ids[k], ids[k + 1]);
           } else {
-            skin_quad(k, above, ids);
+            quad(above[k], above[k + 1], ids[k], ids[k + 1]);
           }
         }
       }
@@ -140,8 +130,12 @@ class Builder {
   }
 
   static FacePart skin_part(double column, double row) {
-    const bool mouth = column <= column_mouth_corner;
-    if (mouth && row >= line_upper_vermilion && row <= line_lower_vermilion) return FacePart::lips;
+    const double to_corner = column / column_mouth_corner;
+    const double taper = 0.05 + 0.8 * std::pow(to_corner, 8);
+    if (to_corner <= 1.0 && row >= line_upper_vermilion + taper &&
+        row <= line_lower_vermilion - taper) {
+      return FacePart::lips;
+    }
     if (row > line_jaw + 0.5) return FacePart::neck;
     const double hairline = column < column_zygion ? line_trichion
                             : column < column_ear  ? line_trichion + 1.5 * (column - column_zygion)
@@ -151,9 +145,9 @@ class Builder {
     if (row < hairline) return FacePart::hair;
     // The brow tapers outwards.
     const double along_brow = (column - 2.4) / (column_outer_eye + 0.3 - 2.4);
-    const double brow = line_brow_top + 0.55 - 0.25 * along_brow * (1.6 - along_brow);
+    const double half_width = 0.28 - 0.14 * along_brow * along_brow;
     if (along_brow > 0.0 && along_brow < 1.0 &&
-        std::abs(row - brow) < 0.30 - 0.16 * along_brow * along_brow) {
+        std::abs(row - (line_brow_top + 0.42)) < half_width) {
       return FacePart::brow;
     }
     if (row > line_tip_low + 0.45 && row < line_subnasale - 0.1 && column > column_philtrum + 0.1 &&
@@ -195,7 +189,7 @@ class Builder {
     sheets.push_back(lower);
     for (std::size_t i = 0; i + 1 < sheets.size(); ++i) {
       for (std::size_t k = 0; k + 1 < columns_.size(); ++k) {
-        skin_quad(k, sheets[i], sheets[i + 1]);
+        quad(sheets[i][k], sheets[i][k + 1], sheets[i + 1][k], sheets[i + 1][k + 1]);
       }
     }
   }

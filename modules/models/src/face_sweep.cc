@@ -77,16 +77,16 @@ Vector3d ear_point(const Place& place) {
   struct Ring {
     double scale, helix, lobe, front;
   };
-  static constexpr std::array<Ring, 10> rings = {{{0.62, -13.0, -11.0, -11.0},
-                                                  {0.86, -5.0, -4.0, -8.0},
-                                                  {0.98, -0.5, -1.0, -6.0},
-                                                  {1.00, 2.2, 0.5, -4.5},
-                                                  {0.91, 3.6, 1.2, -3.5},
-                                                  {0.81, 0.2, 1.2, -2.5},
-                                                  {0.64, 2.8, 1.0, 0.0},
-                                                  {0.49, 0.8, 0.8, 2.0},
-                                                  {0.34, -6.0, -5.0, -4.0},
-                                                  {0.0, -8.0, -8.0, -8.0}}};
+  static constexpr std::array<Ring, 10> rings = {{{0.62, -14.0, -12.0, -12.0},
+                                                  {0.86, -6.0, -5.0, -7.0},
+                                                  {0.98, -1.0, -1.5, -4.0},
+                                                  {1.00, 2.0, 0.5, -2.0},
+                                                  {0.91, 3.4, 1.2, -1.0},
+                                                  {0.81, 0.0, 1.2, 0.0},
+                                                  {0.64, 2.8, 1.0, 1.5},
+                                                  {0.49, 0.8, 0.8, 3.6},
+                                                  {0.34, -4.2, -3.6, -1.6},
+                                                  {0.0, -5.2, -5.2, -5.2}}};
   const int index = static_cast<int>(std::lround(place.a * 9.0));
   const Ring& ring = rings[index];
   const double lobe = std::pow(std::max(0.0, -std::sin(place.b)), 3.0);

@@ -90,7 +90,7 @@ Layout make_layout(double density);
 Points sweep(const std::vector<Place>& places, const Identity& identity);
 
 /// Centre of the left eyeball and its radius, and the lids' shell outside it.
-inline const Eigen::Vector3d ear_root(67.5, -18.0, -80.0);
+inline const Eigen::Vector3d ear_root(68.5, -18.0, -80.0);
 inline constexpr double eye_x_mm = 31.65, eye_radius_mm = 12.0, iris_radius_mm = 5.85;
 
 }  // namespace semblance::face
