@@ -15,9 +15,9 @@ using Eigen::Vector3f;
 
 Vector3f draw_colour(Random& random) {
   // Furnishings are mostly dull: a grey level and a weak tint.
-  const double level = std::exp(random.uniform(std::log(0.03), std::log(0.7)));
+  const double level = std::exp(random.uniform(std::log(0.02), std::log(0.6)));
   Vector3f tint;
-  for (int k = 0; k < 3; ++k) tint[k] = static_cast<float>(std::exp(0.35 * random.normal()));
+  for (int k = 0; k < 3; ++k) tint[k] = static_cast<float>(std::exp(0.18 * random.normal()));
   return (static_cast<float>(level) * tint).cwiseMin(0.9f);
 }
 
@@ -27,7 +27,8 @@ Backdrop::Backdrop(int width, int height, bool clutter, float exposure, const Ve
                    Random random)
     : still_(width, height, 3) {
   const Vector3f wall = exposure * (0.5f * draw_colour(random) + Vector3f::Constant(0.25f));
-  const Vector2f slope(static_cast<float>(random.uniform(-0.5, 0.5)), static_cast<float>(random.uniform(-0.4, 0.1)));
+  const Vector2f slope(static_cast<float>(random.uniform(-0.5, 0.5)),
+                       static_cast<float>(random.uniform(-0.4, 0.1)));
   const auto seed = static_cast<std::uint32_t>(random.integer(1 << 30));
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
@@ -69,14 +70,15 @@ Backdrop::Thing Backdrop::draw_thing(Random& random, const Vector3f& near_skin,
   thing.stripe = draw_colour(random) * exposure;
   thing.colour *= exposure;
   if (random.uniform() < 0.35) thing.stripe_px = static_cast<float>(random.uniform(6, 30) * scale);
-  thing.grain = static_cast<float>(random.uniform(0.0, 0.5));
+  thing.grain = static_cast<float>(random.uniform(0.1, 0.6));
   thing.grain_px = static_cast<float>(random.uniform(3, 20) * scale);
   thing.noise_seed = static_cast<std::uint32_t>(random.integer(1 << 30));
   return thing;
 }
 
 void Backdrop::paint(const Thing& thing, double time_s, Image& image) {
-  const float phase = static_cast<float>(2 * std::numbers::pi * thing.swing_hz * time_s) + thing.swing_phase;
+  const float phase =
+      static_cast<float>(2 * std::numbers::pi * thing.swing_hz * time_s) + thing.swing_phase;
   const Vector2f centre = thing.centre_px + thing.swing_px * std::sin(phase);
   const float reach = thing.half_px.norm() + 1;
   const int x0 = std::max(0, static_cast<int>(centre.x() - reach));
@@ -86,17 +88,21 @@ void Backdrop::paint(const Thing& thing, double time_s, Image& image) {
   const float c = std::cos(thing.tilt), s = std::sin(thing.tilt);
   for (int y = y0; y < y1; ++y)
     for (int x = x0; x < x1; ++x) {
-      const Vector2f gap(static_cast<float>(x) + 0.5f - centre.x(), static_cast<float>(y) + 0.5f - centre.y());
+      const Vector2f gap(static_cast<float>(x) + 0.5f - centre.x(),
+                         static_cast<float>(y) + 0.5f - centre.y());
       const Vector2f q(c * gap.x() + s * gap.y(), -s * gap.x() + c * gap.y());
-      const float outside = thing.round ? (q.cwiseQuotient(thing.half_px).norm() - 1) * thing.half_px.minCoeff()
-                                        : (q.cwiseAbs() - thing.half_px).maxCoeff();
+      const float outside =
+          thing.round ? (q.cwiseQuotient(thing.half_px).norm() - 1) * thing.half_px.minCoeff()
+                      : (q.cwiseAbs() - thing.half_px).maxCoeff();
       const float cover = std::clamp(0.5f - outside, 0.0f, 1.0f);
       if (cover <= 0) continue;
       Vector3f colour = thing.colour;
-      if (thing.stripe_px > 0 && std::fmod(std::abs(q.x() + 1000), thing.stripe_px) < 0.4f * thing.stripe_px)
+      if (thing.stripe_px > 0 &&
+          std::fmod(std::abs(q.x() + 1000), thing.stripe_px) < 0.4f * thing.stripe_px)
         colour = thing.stripe;
-      colour *= std::max(0.2f, 1 + thing.grain * fractal_noise(Vector3f(q.x(), q.y(), 0) / thing.grain_px, 2,
-                                                               thing.noise_seed));
+      colour *=
+          std::max(0.2f, 1 + thing.grain * fractal_noise(Vector3f(q.x(), q.y(), 0) / thing.grain_px,
+                                                         3, thing.noise_seed));
       float* pixel = image.pixel(x, y);
       for (int k = 0; k < 3; ++k) pixel[k] += cover * (colour[k] - pixel[k]);
     }

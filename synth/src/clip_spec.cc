@@ -165,8 +165,9 @@ void apply(const json& in, const std::string& where, FaceClipSpec& spec) {
 }
 
 void check_clip(const FaceClipSpec& spec, const std::string& where) {
-  const bool plain = spec.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                                 "0123456789-_") == std::string::npos;
+  const bool plain = spec.name.find_first_not_of(
+                         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                         "0123456789-_") == std::string::npos;
   if (!plain)
     throw InvalidInput(where + ".name: expected letters, digits, '-' and '_' (it names a folder)");
   if (spec.output != "png" && spec.output != "mp4" && spec.output != "avi")
@@ -194,7 +195,8 @@ SynthSuite read_suite(const std::string& path_or_folder) {
   reader.text("about", suite.about);
   reader.flag("same_model", suite.same_model);
   FaceClipSpec defaults;
-  if (const json* entry = reader.find("defaults")) apply(*entry, path.string() + ": defaults", defaults);
+  if (const json* entry = reader.find("defaults"))
+    apply(*entry, path.string() + ": defaults", defaults);
   const json* clips = reader.find("clips");
   if (clips == nullptr || !clips->is_array() || clips->empty() || clips->size() > 10000)
     reader.fail("clips", "a list of 1 to 10000 clips");

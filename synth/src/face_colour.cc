@@ -168,8 +168,8 @@ void FaceColour::apply_zones(const Vector3f& p, Vector3f& colour) const {
   const float flush = std::clamp(0.10f * (0.6f + 0.6f * look_.redness) * red, -0.2f, 0.25f);
   colour = colour.cwiseProduct(Vector3f(1 + 0.25f * flush, 1 - 0.9f * flush, 1 - 0.8f * flush));
   colour *= 1 - 0.11f * std::min(dark, 3.0f);
-  const float blotch = 0.05f * fractal_noise(p / 0.03f, 3, seed + 23);
-  const float pores = 0.05f * fractal_noise(p / 0.0022f, 2, seed + 31);
+  const float blotch = 0.06f * fractal_noise(p / 0.025f, 4, seed + 23);
+  const float pores = 0.09f * fractal_noise(p / 0.0030f, 3, seed + 31);
   colour *= 1 + blotch + pores;
 }
 
@@ -213,8 +213,8 @@ void FaceColour::apply_lips(const Vector3f& p, Vector3f& colour) const {
   const float ragged = 0.0004f * gradient_noise(p / 0.002f, look_.noise_seed + 41);
   const float cover = 1 - smooth_step(-0.0010f, 0.0007f, lip_distance(p) + ragged);
   if (cover <= 0) return;
-  const Vector3f tint = mix(Vector3f(0.95f, 0.72f, 0.72f), Vector3f(0.82f, 0.40f, 0.42f),
-                            look_.lip_strength);
+  const Vector3f tint =
+      mix(Vector3f(0.95f, 0.72f, 0.72f), Vector3f(0.82f, 0.40f, 0.42f), look_.lip_strength);
   // Fine upright wrinkles, and a darker line where the lips meet.
   const float wrinkles =
       0.08f * gradient_noise(Vector3f(p.x() / 0.0012f, p.y() / 0.008f, p.z() / 0.008f),
@@ -232,9 +232,8 @@ void FaceColour::apply_stubble(const Vector3f& p, Vector3f& colour) const {
                                p.y() - 0.35f * std::max(0.0f, std::abs(p.x()) - 0.03f));
   area *= smooth_step(landmarks_[8].y() - 0.05f, landmarks_[8].y() - 0.01f, p.y());
   area *= smooth_step(axis_z_ - 0.005f, axis_z_ + 0.03f, p.z());
-  if (area <= 0 || lip_distance(p) < 0.0005f) return;
-  // Bare patches beside the chin tuft below the lower lip.
-  area *= smooth_step(0.001f, 0.005f, lip_distance(p));
+  if (area <= 0) return;
+  if ((p - mouth).norm() < 0.05f) area *= smooth_step(0.001f, 0.005f, lip_distance(p));
   const float grain = 0.5f + 0.9f * gradient_noise(p / 0.0011f, look_.noise_seed + 53);
   const float patch = 0.75f + 0.3f * fractal_noise((p - mouth) / 0.012f, 2, look_.noise_seed + 59);
   const float cover = std::clamp(look_.stubble * area * patch * (0.35f + 0.5f * grain), 0.0f, 0.8f);
@@ -256,6 +255,7 @@ void FaceColour::apply_eye_rims(const Vector3f& p, Vector3f& colour) const {
 // Hairs along strokes that fan from upright near the nose to lying along the brow outside.
 void FaceColour::apply_brows(const Vector3f& p, Vector3f& colour) const {
   for (int side = 0; side < 2; ++side) {
+    if ((p - landmarks_[side == 0 ? 19 : 24]).norm() > 0.05f) continue;
     const Nearest near = nearest_on(brows_[side], p.head<2>());
     if (near.distance > 0.015f) continue;
     const float along = near.along;
@@ -266,11 +266,12 @@ void FaceColour::apply_brows(const Vector3f& p, Vector3f& colour) const {
     const float above = side == 0 ? -near.side : near.side;
     const float lean = (side == 0 ? -1.0f : 1.0f) * (0.2f + 1.1f * smooth_step(0.0f, 0.5f, along));
     const float across = (p.x() - lean * above) / 0.00075f;
-    const float stroke = gradient_noise(Vector3f(across, above / 0.006f, 0.0f), look_.noise_seed + 61);
+    const float stroke =
+        gradient_noise(Vector3f(across, above / 0.006f, 0.0f), look_.noise_seed + 61);
     const float edge = near.distance + 0.0012f * stroke;
     const float ends = smooth_step(-0.02f, 0.06f, along) * (1 - smooth_step(0.93f, 1.0f, along));
     const float body = (1 - smooth_step(0.45f * half, 1.15f * half, edge)) * ends;
-    const float cover = std::clamp(body * (0.72f + 0.45f * stroke), 0.0f, 0.93f);
+    const float cover = std::clamp(body * (0.9f + 0.5f * stroke), 0.0f, 0.97f);
     colour = mix(colour, (0.7f * look_.hair + 0.03f * base_).eval(), cover);
   }
 }
@@ -287,9 +288,9 @@ float FaceColour::hair_cover(const Vector3f& p) const {
                                      Knot{22, top + 0.002f},
                                      Knot{42, top - 0.010f},
                                      Knot{58, brow_y_ + 0.012f},
-                                     Knot{74, eye_y - 0.012f},
-                                     Knot{86, eye_y + 0.022f},
-                                     Knot{112, eye_y + 0.015f},
+                                     Knot{72, eye_y - 0.014f},
+                                     Knot{84, eye_y - 0.006f},
+                                     Knot{112, eye_y - 0.012f},
                                      Knot{135, eye_y - 0.080f}};
   float line = knots.back().y_m;
   for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
@@ -317,12 +318,13 @@ void FaceColour::apply_hair(const Vector3f& p, Vector3f& colour) const {
 Vector3f FaceColour::eye(const Vector2f& offset, float iris_radius) const {
   const float radius = offset.norm(), angle = std::atan2(offset.y(), offset.x());
   const float tone = 0.85f + 0.15f * look_.skin_tone;
-  Vector3f sclera = tone * Vector3f(0.62f, 0.56f, 0.52f);
-  const float veins = fractal_noise(Vector3f(3 * std::cos(angle), 3 * std::sin(angle), radius / 0.003f),
-                                    3, look_.noise_seed + 83);
+  Vector3f sclera = tone * Vector3f(0.42f, 0.375f, 0.35f);
+  const float veins =
+      fractal_noise(Vector3f(3 * std::cos(angle), 3 * std::sin(angle), radius / 0.003f), 3,
+                    look_.noise_seed + 83);
   const float far_out = smooth_step(iris_radius, 2 * iris_radius, radius);
-  sclera = sclera.cwiseProduct(Vector3f(1, 1 - 0.2f * far_out * (0.6f + veins),
-                                        1 - 0.2f * far_out * (0.6f + veins)));
+  sclera = sclera.cwiseProduct(
+      Vector3f(1, 1 - 0.2f * far_out * (0.6f + veins), 1 - 0.2f * far_out * (0.6f + veins)));
   const float fibre = gradient_noise(
       Vector3f(9 * std::cos(angle), 9 * std::sin(angle), radius / 0.004f), look_.noise_seed + 89);
   const float inward = 1 - smooth_step(0.35f * iris_radius, 0.7f * iris_radius, radius);

@@ -16,15 +16,15 @@ using NeutralLandmarks = std::array<Eigen::Vector3f, 68>;
 /// The drawn looks of one person.
 struct PersonLook {
   std::uint32_t noise_seed = 1;
-  float skin_tone = 0.5f;       // 0 dark to 1 light
-  float redness = 0.0f;         // -1 to 1, flush of cheeks, nose, ears
-  float freckles = 0.0f;        // 0 to 1
-  float stubble = 0.0f;         // 0 to 1
-  float lip_strength = 0.7f;    // how much the lips' colour differs from the skin
-  float brow_thickness = 1.0f;  // relative
-  float hair_height_m = 0.012f; // thickness of the hair
-  float hairline_m = 0.055f;    // height of the hairline above the brows
-  Eigen::Vector3f hair = Eigen::Vector3f::Zero();   // linear RGB
+  float skin_tone = 0.5f;        // 0 dark to 1 light
+  float redness = 0.0f;          // -1 to 1, flush of cheeks, nose, ears
+  float freckles = 0.0f;         // 0 to 1
+  float stubble = 0.0f;          // 0 to 1
+  float lip_strength = 0.7f;     // how much the lips' colour differs from the skin
+  float brow_thickness = 1.0f;   // relative
+  float hair_height_m = 0.012f;  // thickness of the hair
+  float hairline_m = 0.055f;     // height of the hairline above the brows
+  Eigen::Vector3f hair = Eigen::Vector3f::Zero();  // linear RGB
   Eigen::Vector3f iris = Eigen::Vector3f::Zero();
   Eigen::Vector3f cloth = Eigen::Vector3f::Zero();
 };

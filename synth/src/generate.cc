@@ -1,5 +1,7 @@
 #include "semblance/synth/generate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -27,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3f;
 
-constexpr double kHandTravel = 0.4;      // seconds the hand takes to rise and to sink
+constexpr double kHandTravel = 0.4;       // seconds the hand takes to rise and to sink
 constexpr float kHiddenBehindM = 0.006f;  // a landmark this far behind what is seen is hidden
 
 MorphShape load_model(const FaceClipSpec& spec) {
@@ -50,12 +52,12 @@ Lighting draw_lighting(const FaceClipSpec& spec, const PersonLook& look, Random&
   const double azimuth = random.uniform(-1.05, 1.05), height = random.uniform(0.2, 0.9);
   const auto warmth = static_cast<float>(random.uniform(-0.12, 0.12));
   Lighting lighting;
-  lighting.lamp_direction =
-      Vector3f(static_cast<float>(std::sin(azimuth) * std::cos(height)),
-               static_cast<float>(std::sin(height)),
-               static_cast<float>(std::cos(azimuth) * std::cos(height)));
+  lighting.lamp_direction = Vector3f(static_cast<float>(std::sin(azimuth) * std::cos(height)),
+                                     static_cast<float>(std::sin(height)),
+                                     static_cast<float>(std::cos(azimuth) * std::cos(height)));
   lighting.lamp_colour = exposure * key * 1.15f * Vector3f(1 + warmth, 1.0f, 1 - warmth);
-  const Vector3f sky = exposure * (1 - 0.75f * key) * Vector3f(1 - 0.5f * warmth, 1.0f, 1 + 0.5f * warmth);
+  const Vector3f sky =
+      exposure * (1 - 0.75f * key) * Vector3f(1 - 0.5f * warmth, 1.0f, 1 + 0.5f * warmth);
   const auto side = static_cast<float>(random.uniform(-0.3, 0.3));
   lighting.sky.coefficients[0] = 0.9f * sky;
   lighting.sky.coefficients[1] = 0.22f * sky;  // from above
@@ -91,7 +93,7 @@ struct Stage {
     motion.emplace(spec, *model);
     float exposure = 1;
     lighting = draw_lighting(spec, look, light, exposure);
-    backdrop.emplace(spec.width, spec.height, spec.look.clutter, 0.8f * exposure,
+    backdrop.emplace(spec.width, spec.height, spec.look.clutter, 0.65f * exposure,
                      skin_albedo(look.skin_tone), Random(spec.seed, 23));
     surfaces = head->surfaces();
     surfaces.push_back({0.04f, 14.0f, 0.18f, {}});  // the hand
@@ -105,8 +107,8 @@ struct Stage {
     if (raised > 0) {
       const auto marks = head->landmarks(x);
       const Rigid3 pose{Eigen::Quaterniond(x[0], x[1], x[2], x[3]), x.segment<3>(4)};
-      scene.objects.push_back(make_hand(pose, 0.5 * (marks[62] + marks[66]), raised,
-                                        skin_albedo(look.skin_tone)));
+      scene.objects.push_back(
+          make_hand(pose, 0.5 * (marks[62] + marks[66]), raised, skin_albedo(look.skin_tone)));
     }
     return scene;
   }
@@ -179,7 +181,8 @@ MadeFrame make_frame(const Stage& stage, int frame) {
     const Scene scene = stage.scene_at(time_s + shift);
     tracer.set_scene(scene, stage.surfaces);
     Traced traced = tracer.trace(stage.camera, stage.lighting, sensor.samples);
-    add_over(traced, stage.backdrop->at(time_s + shift), 1.0f / static_cast<float>(sensor.sub_frames), light);
+    add_over(traced, stage.backdrop->at(time_s + shift),
+             1.0f / static_cast<float>(sensor.sub_frames), light);
     if (sub == sensor.sub_frames / 2) depth = std::move(traced.depth);
   }
   blur_gaussian(light, sensor.lens_blur_px);
@@ -204,10 +207,7 @@ std::string video_name(const FaceClipSpec& spec) {
   return spec.output == "png" ? "frames" : "clip." + spec.output;
 }
 
-std::string frame_name(int frame) {
-  std::string digits = std::to_string(frame);
-  return std::string(6 - std::min<std::size_t>(6, digits.size()), '0') + digits + ".png";
-}
+std::string frame_name(int frame) { return fmt::format("{:06d}.png", frame); }
 
 void render_all(const Stage& stage, const fs::path& folder, Progress& progress) {
   const FaceClipSpec& spec = stage.spec;
@@ -215,18 +215,21 @@ void render_all(const Stage& stage, const fs::path& folder, Progress& progress) 
   if (spec.output == "png")
     fs::create_directories(folder / "frames");
   else
-    video.emplace((folder / video_name(spec)).string(), spec.width, spec.height, spec.frames_per_second);
+    video.emplace((folder / video_name(spec)).string(), spec.width, spec.height,
+                  spec.frames_per_second);
   TrackWriter truth((folder / "truth.jsonl").string(), truth_header(stage));
   progress.begin("clip " + spec.name, spec.frames);
   const int batch = 4 * std::max(1, thread_count());
   for (int first = 0; first < spec.frames; first += batch) {
-    if (progress.cancelled()) throw SolverError("generation of clip " + spec.name + " was cancelled");
+    if (progress.cancelled())
+      throw SolverError("generation of clip " + spec.name + " was cancelled");
     std::vector<MadeFrame> made(std::min(batch, spec.frames - first));
     parallel_for(made.size(), [&](std::size_t i) {
       const int frame = first + static_cast<int>(i);
       made[i] = make_frame(stage, frame);
       if (!video)
-        write_image((folder / "frames" / frame_name(frame)).string(), linear_from_rgb8(made[i].picture));
+        write_image((folder / "frames" / frame_name(frame)).string(),
+                    linear_from_rgb8(made[i].picture));
     });
     for (const MadeFrame& frame : made) {
       if (video) video->write(frame.picture);
@@ -240,14 +243,16 @@ void render_all(const Stage& stage, const fs::path& folder, Progress& progress) 
 
 void check_folder(const fs::path& folder) {
   if (!fs::exists(folder)) return;
-  if (!fs::is_directory(folder)) throw InvalidInput(folder.string() + ": is a file; expected a folder");
+  if (!fs::is_directory(folder))
+    throw InvalidInput(folder.string() + ": is a file; expected a folder");
   if (!fs::is_empty(folder) && !fs::exists(folder / "spec.json"))
     throw InvalidInput(folder.string() + ": holds other files; give a new or empty folder");
 }
 
 }  // namespace
 
-ClipFiles generate_clip(const FaceClipSpec& spec, const std::string& folder_name, Progress& progress) {
+ClipFiles generate_clip(const FaceClipSpec& spec, const std::string& folder_name,
+                        Progress& progress) {
   const fs::path folder = fs::path(folder_name).lexically_normal();
   check_folder(folder);
   fs::path partial = folder;
@@ -284,7 +289,8 @@ ClipFiles clip_files(const std::string& folder_name) {
   for (const char* name : {"frames", "clip.mp4", "clip.avi"})
     if (fs::exists(folder / name)) files.video = (folder / name).string();
   if (files.video.empty() || !fs::exists(files.camera) || !fs::exists(files.truth))
-    throw InvalidInput(folder_name + ": not a generated clip (frames or clip.*, camera.json, truth.jsonl)");
+    throw InvalidInput(folder_name +
+                       ": not a generated clip (frames or clip.*, camera.json, truth.jsonl)");
   return files;
 }
 

@@ -9,6 +9,7 @@
 
 #include "noise.h"
 #include "semblance/core/errors.h"
+#include "semblance/core/parallel.h"
 #include "solids.h"
 
 namespace semblance {
@@ -17,9 +18,9 @@ namespace {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
-constexpr float kTexelM = 0.00032f;       // wanted size of a texel of the skin
-constexpr float kEyeHalfWidthM = 0.017f;  // half the width of an eye's texture
-constexpr float kIrisRadiusM = 0.0060f;   // half the horizontal visible iris diameter
+constexpr float kTexelM = 0.00032f;                 // wanted size of a texel of the skin
+constexpr float kEyeHalfWidthM = 0.017f;            // half the width of an eye's texture
+constexpr float kIrisRadiusM = 0.0060f;             // half the horizontal visible iris diameter
 const Eigen::Vector3d kNeckTop(0.0, -0.08, -0.09);  // model frame, where the head turns
 
 enum class Kind { skin, left_eye, right_eye, teeth, mouth, tongue, lashes, inner };
@@ -106,8 +107,9 @@ void SynthHead::weld() {
   std::map<std::tuple<double, double, double>, int> first;
   welded_.resize(positions.rows());
   for (Eigen::Index i = 0; i < positions.rows(); ++i)
-    welded_[i] = first.try_emplace({positions(i, 0), positions(i, 1), positions(i, 2)},
-                                   static_cast<int>(i)).first->second;
+    welded_[i] =
+        first.try_emplace({positions(i, 0), positions(i, 1), positions(i, 2)}, static_cast<int>(i))
+            .first->second;
 }
 
 SynthHead::Piece SynthHead::cut(const std::string& name, const std::vector<int>& triangles) const {
@@ -224,11 +226,12 @@ void SynthHead::bake_skin(const FaceColour& colour) {
   const int width = size * count;
   for (Eigen::Index i = 0; i < mesh.vertex_count(); ++i) {
     const auto& tile = vertex_tile[i];
-    mesh.uvs(i, 0) = (mesh.uvs(i, 0) - static_cast<float>(tile.first) +
-                      static_cast<float>(tiles.at(tile))) / static_cast<float>(count);
+    mesh.uvs(i, 0) =
+        (mesh.uvs(i, 0) - static_cast<float>(tile.first) + static_cast<float>(tiles.at(tile))) /
+        static_cast<float>(count);
     mesh.uvs(i, 1) -= static_cast<float>(tile.second);
   }
-  auto texture = std::make_shared<Image>(width, size, 3);
+  auto texture = std::make_shared<Image>(width, size, 3);  // places first, then their colours
   // 0: empty, 1: on the rim of a triangle, 2: inside one.
   std::vector<std::uint8_t> state(static_cast<std::size_t>(width) * size, 0);
   for (Eigen::Index t = 0; t < mesh.triangle_count(); ++t) {
@@ -250,10 +253,18 @@ void SynthHead::bake_skin(const FaceColour& colour) {
         b0 /= sum, b1 /= sum, b2 /= sum;
       }
       now = in ? 2 : 1;
-      const Vector3f albedo = colour.skin(b0 * place[0] + b1 * place[1] + b2 * place[2]);
-      std::copy_n(albedo.data(), 3, texture->pixel(x, y));
+      const Vector3f spot = b0 * place[0] + b1 * place[1] + b2 * place[2];
+      std::copy_n(spot.data(), 3, texture->pixel(x, y));
     });
   }
+  parallel_for(static_cast<std::size_t>(size), [&](std::size_t y) {
+    for (int x = 0; x < width; ++x) {
+      if (state[y * width + x] == 0) continue;
+      float* pixel = texture->pixel(x, static_cast<int>(y));
+      const Vector3f albedo = colour.skin(Eigen::Map<const Vector3f>(pixel));
+      std::copy_n(albedo.data(), 3, pixel);
+    }
+  });
   skin.material.texture = texture;
 }
 
@@ -264,8 +275,8 @@ void SynthHead::bake_eye(Piece& piece, const FaceColour& colour) {
       0.5 * (mesh.positions_m.colwise().minCoeff() + mesh.positions_m.colwise().maxCoeff());
   for (Eigen::Index i = 0; i < mesh.vertex_count(); ++i)
     for (int k = 0; k < 2; ++k)
-      mesh.uvs(i, k) = 0.5f + static_cast<float>(mesh.positions_m(i, k) - centre[k]) /
-                                  (2 * kEyeHalfWidthM);
+      mesh.uvs(i, k) =
+          0.5f + static_cast<float>(mesh.positions_m(i, k) - centre[k]) / (2 * kEyeHalfWidthM);
   auto texture = std::make_shared<Image>(kSize, kSize, 3);
   for (int y = 0; y < kSize; ++y)
     for (int x = 0; x < kSize; ++x) {
@@ -320,6 +331,20 @@ Rigid3 torso_pose(const Rigid3& world_from_model) {
           world_from_model * kNeckTop};
 }
 
+// Models end in shoulders of their own: below the collar they are drawn in under the cloth.
+void tuck(const Rigid3& torso, PointsF& positions_m, Eigen::Index row) {
+  const Eigen::Matrix3f turn = torso.rotation.toRotationMatrix().cast<float>();
+  const Vector3f origin = torso.translation_m.cast<float>();
+  Vector3f local = turn.transpose() * (positions_m.row(row).transpose() - origin);
+  const float limit = 0.060f + 0.03f * smooth_step(-0.075f, -0.02f, local.y());
+  const float below = smooth_step(-0.02f, -0.05f, local.y());
+  const float radius = std::hypot(local.x(), local.z());
+  if (below <= 0 || radius <= limit) return;
+  const float factor = 1 + below * (limit / radius - 1);
+  local.x() *= factor, local.z() *= factor;
+  positions_m.row(row) = turn * local + origin;
+}
+
 Rigid3 pose_of(const Eigen::VectorXd& x) {
   return {Eigen::Quaterniond(x[0], x[1], x[2], x[3]).normalized(), x.segment<3>(4)};
 }
@@ -340,6 +365,7 @@ void SynthHead::pose(const Eigen::VectorXd& x, Scene& scene) const {
     const auto row = static_cast<Eigen::Index>(i);
     const Vector3f now = positions.row(row);
     positions.row(row) = now + neck_share_[i] * (turn * now + shift - now);
+    tuck(torso, positions, row);
   }
   smooth_normals(positions, normals);
   scene.objects.resize(pieces_.size() + 1);
@@ -356,8 +382,11 @@ void SynthHead::pose(const Eigen::VectorXd& x, Scene& scene) const {
   body.name = torso_.name;
   body.mesh = torso_.mesh;
   body.material = torso_.material;
-  body.positions_m = ((torso.rotation.toRotationMatrix() * torso_.mesh->positions_m.transpose())
-                          .colwise() + torso.translation_m).transpose().cast<float>();
+  body.positions_m =
+      ((torso.rotation.toRotationMatrix() * torso_.mesh->positions_m.transpose()).colwise() +
+       torso.translation_m)
+          .transpose()
+          .cast<float>();
   vertex_normals(body.positions_m, body.mesh->triangles, body.normals);
 }
 
@@ -376,12 +405,17 @@ std::vector<Eigen::Vector3d> SynthHead::landmarks(const Eigen::VectorXd& x) cons
   return out;
 }
 
-// How open every place is to the sky, at rest: eye sockets, nostrils, the mouth, under the chin.
+// How open every place is to the sky: eye sockets, nostrils, under the chin. The mouth is ajar, or
+// teeth would be black when it opens.
 void SynthHead::measure_ambient() {
   constexpr int kRays = 48;
   constexpr float kReachM = 0.12f;
   Scene scene;
-  pose(model_->parameters().initial(), scene);
+  Eigen::VectorXd x = model_->parameters().initial();
+  const auto& blocks = model_->parameters().blocks();
+  for (std::size_t i = 0; i < blocks.size(); ++i)
+    if (blocks[i].name == "jaw_open") x[model_->parameters().offset(static_cast<int>(i))] = 0.4;
+  pose(x, scene);
   Tracer tracer;
   tracer.set_scene(scene, surfaces_);
   for (std::size_t i = 0; i < scene.objects.size(); ++i)
@@ -401,7 +435,8 @@ SceneObject make_hand(const Rigid3& world_from_model, const Eigen::Vector3d& mou
   hand.material.colour = colour;
   const Eigen::Matrix3d turn =
       (Eigen::AngleAxisd(0.5 * std::atan2(nose.x(), nose.z()), Eigen::Vector3d::UnitY()) *
-       Eigen::AngleAxisd(0.9 - 0.5 * raised, Eigen::Vector3d::UnitZ())).toRotationMatrix();
+       Eigen::AngleAxisd(0.9 - 0.5 * raised, Eigen::Vector3d::UnitZ()))
+          .toRotationMatrix();
   hand.positions_m =
       ((turn * mesh->positions_m.transpose()).colwise() + place).transpose().cast<float>();
   vertex_normals(hand.positions_m, mesh->triangles, hand.normals);

@@ -45,7 +45,8 @@ class Track {
     double value = start_;
     for (const Move& move : moves_) {
       if (time_s <= move.from_s) break;
-      value += (move.target - value) * minimum_jerk((time_s - move.from_s) / (move.to_s - move.from_s));
+      value +=
+          (move.target - value) * minimum_jerk((time_s - move.from_s) / (move.to_s - move.from_s));
     }
     return value;
   }
@@ -88,28 +89,53 @@ struct Viseme {
 
 std::vector<Pose> consonants() {
   return {
-      {{"jawopen", .04}, {"mouthpressl", .35}, {"mouthpressr", .35}, {"mouthrolllower", .10},
-       {"mouthrollupper", .08}},                                                        // p b m
-      {{"jawopen", .05}, {"mouthrolllower", .30}, {"mouthupperupl", .22}, {"mouthupperupr", .22}},  // f v
-      {{"jawopen", .08}, {"mouthstretchl", .15}, {"mouthstretchr", .15}, {"mouthlowerdownl", .20},
-       {"mouthlowerdownr", .20}},                                                       // s t d
-      {{"jawopen", .12}, {"mouthlowerdownl", .12}, {"mouthlowerdownr", .12}},           // k g n
-      {{"jawopen", .07}, {"mouthfunnel", .45}, {"mouthupperupl", .15}, {"mouthupperupr", .15}},  // sh
-      {{"jawopen", .07}, {"mouthpucker", .45}},                                         // w
-      {{"jawopen", .16}, {"mouthlowerdownl", .15}, {"mouthlowerdownr", .15}},           // l
+      {{"jawopen", .04},
+       {"mouthpressl", .35},
+       {"mouthpressr", .35},
+       {"mouthrolllower", .10},
+       {"mouthrollupper", .08}},  // p b m
+      {{"jawopen", .05},
+       {"mouthrolllower", .30},
+       {"mouthupperupl", .22},
+       {"mouthupperupr", .22}},  // f v
+      {{"jawopen", .08},
+       {"mouthstretchl", .15},
+       {"mouthstretchr", .15},
+       {"mouthlowerdownl", .20},
+       {"mouthlowerdownr", .20}},                                              // s t d
+      {{"jawopen", .12}, {"mouthlowerdownl", .12}, {"mouthlowerdownr", .12}},  // k g n
+      {{"jawopen", .07},
+       {"mouthfunnel", .45},
+       {"mouthupperupl", .15},
+       {"mouthupperupr", .15}},                                                // sh
+      {{"jawopen", .07}, {"mouthpucker", .45}},                                // w
+      {{"jawopen", .16}, {"mouthlowerdownl", .15}, {"mouthlowerdownr", .15}},  // l
   };
 }
 
 std::vector<Pose> vowels() {
   return {
-      {{"jawopen", .42}, {"mouthlowerdownl", .22}, {"mouthlowerdownr", .22}, {"mouthupperupl", .10},
-       {"mouthupperupr", .10}},                                                         // a
-      {{"jawopen", .25}, {"mouthstretchl", .28}, {"mouthstretchr", .28}, {"mouthlowerdownl", .25},
-       {"mouthlowerdownr", .25}, {"mouthdimplel", .15}, {"mouthdimpler", .15}},         // e
-      {{"jawopen", .12}, {"mouthsmilel", .30}, {"mouthsmiler", .30}, {"mouthstretchl", .25},
-       {"mouthstretchr", .25}, {"mouthlowerdownl", .20}, {"mouthlowerdownr", .20}},     // i
-      {{"jawopen", .30}, {"mouthfunnel", .50}},                                         // o
-      {{"jawopen", .12}, {"mouthpucker", .65}, {"mouthfunnel", .15}},                   // u
+      {{"jawopen", .42},
+       {"mouthlowerdownl", .22},
+       {"mouthlowerdownr", .22},
+       {"mouthupperupl", .10},
+       {"mouthupperupr", .10}},  // a
+      {{"jawopen", .25},
+       {"mouthstretchl", .28},
+       {"mouthstretchr", .28},
+       {"mouthlowerdownl", .25},
+       {"mouthlowerdownr", .25},
+       {"mouthdimplel", .15},
+       {"mouthdimpler", .15}},  // e
+      {{"jawopen", .12},
+       {"mouthsmilel", .30},
+       {"mouthsmiler", .30},
+       {"mouthstretchl", .25},
+       {"mouthstretchr", .25},
+       {"mouthlowerdownl", .20},
+       {"mouthlowerdownr", .20}},                                      // i
+      {{"jawopen", .30}, {"mouthfunnel", .50}},                        // o
+      {{"jawopen", .12}, {"mouthpucker", .65}, {"mouthfunnel", .15}},  // u
   };
 }
 
@@ -177,7 +203,8 @@ void FaceMotion::Impl::draw_identity(const MorphModel& model) {
     const int block_index = MorphModel::first_shape_block + i;
     const ParameterBlock& block = space.blocks()[block_index];
     const double sigma = std::isfinite(block.prior_sigma[0]) ? block.prior_sigma[0] : 1.0;
-    const double drawn = rest[space.offset(block_index)] + spec.look.identity_sigma * sigma * random.normal();
+    const double drawn =
+        rest[space.offset(block_index)] + spec.look.identity_sigma * sigma * random.normal();
     rest[space.offset(block_index)] = std::clamp(drawn, block.lower[0], block.upper[0]);
   }
 }
@@ -214,7 +241,8 @@ void FaceMotion::Impl::draw_turns(double length_s) {
   const MotionSpec& motion = spec.motion;
   double time = random.uniform(0.3, 0.6);
   double sign = random.uniform() < 0.5 ? -1 : 1;
-  Eigen::Vector3d now(random.uniform(-0.1, 0.1), random.uniform(-0.15, 0.15), random.uniform(-0.2, 0.2));
+  Eigen::Vector3d now(random.uniform(-0.1, 0.1), random.uniform(-0.15, 0.15),
+                      random.uniform(-0.2, 0.2));
   const Eigen::Vector3d limit(motion.yaw_deg, motion.pitch_deg, motion.roll_deg);
   yaw = Track(now.x() * limit.x());
   pitch = Track(now.y() * limit.y());
@@ -222,10 +250,13 @@ void FaceMotion::Impl::draw_turns(double length_s) {
   for (int turn = 0; time < length_s; ++turn) {
     Eigen::Vector3d next(sign * random.uniform(0.9, 0.99), random.uniform(-0.95, 0.95),
                          random.uniform(-0.95, 0.95));
-    if (turn % 3 == 2) next.x() = random.uniform(-0.5, 0.5);  // between two turns, look about
-    else sign = -sign;
+    if (turn % 3 == 2)
+      next.x() = random.uniform(-0.5, 0.5);  // between two turns, look about
+    else
+      sign = -sign;
     const double angle = (next - now).cwiseProduct(limit).cwiseAbs().maxCoeff();
-    const double duration = std::max(0.35, 1.875 * angle / (motion.peak_speed_deg_s * random.uniform(0.8, 1.0)));
+    const double duration =
+        std::max(0.35, 1.875 * angle / (motion.peak_speed_deg_s * random.uniform(0.8, 1.0)));
     yaw.move(time, time + duration, next.x() * limit.x());
     const double lag = random.uniform(0.0, 0.2) * duration;
     pitch.move(time + lag, time + lag + duration, next.y() * limit.y());
@@ -311,7 +342,8 @@ double FaceMotion::Impl::blink(double time_s) const {
 }
 
 Eigen::Vector3d FaceMotion::Impl::head_angles(double time_s) const {
-  const double nod = 0.35 * spec.motion.sway * spec.motion.expression, drift = 0.3 * spec.motion.sway;
+  const double nod = 0.35 * spec.motion.sway * spec.motion.expression,
+               drift = 0.3 * spec.motion.sway;
   return {yaw.at(time_s) + nod * 0.5 * sway[0].at(time_s) + drift * sway[3].at(time_s),
           pitch.at(time_s) + nod * sway[1].at(time_s) + drift * sway[4].at(time_s),
           roll.at(time_s) + nod * 0.5 * sway[2].at(time_s) + drift * sway[5].at(time_s)};

@@ -63,7 +63,8 @@ Rgb8 expose(const Image& linear_rgb, const SensorSpec& sensor, std::uint64_t see
   for (int i = 0; i < kSteps + 2; ++i) {
     // Indexed by the square root of the light, where the sRGB curve is nearly straight.
     const float root = std::min(1.0f, static_cast<float>(i) / kSteps);
-    tone[i] = 255.0f * std::pow(srgb_from_linear(root * root), static_cast<float>(sensor.tone_gamma));
+    tone[i] =
+        255.0f * std::pow(srgb_from_linear(root * root), static_cast<float>(sensor.tone_gamma));
   }
   Rgb8 out{linear_rgb.width, linear_rgb.height, {}};
   out.data.resize(linear_rgb.data.size());

@@ -79,15 +79,20 @@ Mesh hand_mesh() {
   hand.positions_m.resize(0, 3);
   hand.triangles.resize(0, 3);
   for (int finger = 0; finger < 4; ++finger) {
-    const double y = 0.0295 - 0.0195 * finger, reach = finger == 3 ? 0.038 : 0.056 - 0.004 * std::abs(finger - 1);
-    const Vector3d knuckle(-0.035, y, 0.0), middle(0.01, 1.04 * y, 0.006), tip(reach, 1.06 * y, -0.006);
+    const double y = 0.0295 - 0.0195 * finger,
+                 reach = finger == 3 ? 0.038 : 0.056 - 0.004 * std::abs(finger - 1);
+    const Vector3d knuckle(-0.035, y, 0.0), middle(0.01, 1.04 * y, 0.006),
+        tip(reach, 1.06 * y, -0.006);
     append(capsule(knuckle, middle, 0.0105, 0.0092), hand);
     append(capsule(middle, tip, 0.0092, 0.0078), hand);
     append(capsule(Vector3d(-0.105, 0.7 * y, 0), knuckle, 0.017, 0.0125), hand);  // palm
   }
-  append(capsule(Vector3d(-0.095, 0.025, -0.008), Vector3d(-0.05, 0.062, -0.014), 0.017, 0.0105), hand);
-  append(capsule(Vector3d(-0.05, 0.062, -0.014), Vector3d(-0.018, 0.07, -0.018), 0.0105, 0.0088), hand);
-  append(capsule(Vector3d(-0.30, -0.03, 0.01), Vector3d(-0.11, 0.0, 0), 0.038, 0.027), hand);  // arm
+  append(capsule(Vector3d(-0.095, 0.025, -0.008), Vector3d(-0.05, 0.062, -0.014), 0.017, 0.0105),
+         hand);
+  append(capsule(Vector3d(-0.05, 0.062, -0.014), Vector3d(-0.018, 0.07, -0.018), 0.0105, 0.0088),
+         hand);
+  append(capsule(Vector3d(-0.30, -0.03, 0.01), Vector3d(-0.11, 0.0, 0), 0.038, 0.027),
+         hand);  // arm
   return hand;
 }
 

@@ -50,6 +50,10 @@ Vector3f sky_light(const ShLight& sky, const Vector3f& normal) {
   return sum.cwiseMax(0.0f);
 }
 
+struct PixelBox {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
 }  // namespace
 
 struct Tracer::Impl {
@@ -62,6 +66,9 @@ struct Tracer::Impl {
     if (scene != nullptr) rtcReleaseScene(scene);
     scene = nullptr;
   }
+  /// The pixels that the scene's vertices can touch; all of them if one lies near the camera's
+  /// plane.
+  PixelBox extent(const Camera& camera) const;
   bool blocked(const Vector3f& from, const Vector3f& direction, float reach) const;
   Vector3f shade(const Hit& hit, const Vector3f& to_eye, const Vector3f& place,
                  const Lighting& lighting) const;
@@ -106,6 +113,24 @@ void Tracer::set_scene(const Scene& scene, const std::vector<Surface>& surfaces)
     throw SolverError("Embree could not build the scene");
 }
 
+PixelBox Tracer::Impl::extent(const Camera& camera) const {
+  const PixelBox whole{0, 0, camera.width, camera.height};
+  Eigen::AlignedBox2d bounds;
+  for (const SceneObject& object : source->objects)
+    for (Eigen::Index i = 0; i < object.positions_m.rows(); ++i) {
+      const Eigen::Vector3d place =
+          camera.camera_from_world * object.positions_m.row(i).transpose().cast<double>().eval();
+      if (place.z() < 0.01) return whole;
+      bounds.extend(project(camera, place));
+    }
+  if (bounds.isEmpty()) return {};
+  const auto clamped = [](double value, int size) {
+    return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(size)));
+  };
+  return {clamped(bounds.min().x() - 1, whole.x1), clamped(bounds.min().y() - 1, whole.y1),
+          clamped(bounds.max().x() + 2, whole.x1), clamped(bounds.max().y() + 2, whole.y1)};
+}
+
 bool Tracer::Impl::blocked(const Vector3f& from, const Vector3f& direction, float reach) const {
   RTCRay ray{};
   ray.org_x = from.x(), ray.org_y = from.y(), ray.org_z = from.z();
@@ -133,10 +158,12 @@ Vector3f Tracer::Impl::shade(const Hit& hit, const Vector3f& to_eye, const Vecto
   const float wrap = hit.surface->wrap;
   float highlight = 0.0f;
   if (cosine > -wrap && lighting.lamp_colour.maxCoeff() > 0 &&
-      !blocked(place + kShadowBias * normal + kShadowBias * to_eye, lighting.lamp_direction, 10.0f)) {
+      !blocked(place + kShadowBias * normal + kShadowBias * to_eye, lighting.lamp_direction,
+               10.0f)) {
     light += lighting.lamp_colour * std::max(0.0f, (cosine + wrap) / (1 + wrap));
     const Vector3f half = (to_eye + lighting.lamp_direction).normalized();
-    highlight = hit.surface->gloss * std::pow(std::max(0.0f, normal.dot(half)), hit.surface->shininess);
+    highlight =
+        hit.surface->gloss * std::pow(std::max(0.0f, normal.dot(half)), hit.surface->shininess);
   }
   return albedo.cwiseProduct(light) + highlight * lighting.lamp_colour;
 }
@@ -147,20 +174,20 @@ Traced Tracer::trace(const Camera& camera, const Lighting& lighting, int samples
   const Eigen::Matrix3f turn = world_from_camera.rotation.toRotationMatrix().cast<float>();
   const Vector3f eye = world_from_camera.translation_m.cast<float>();
   Traced out{Image(camera.width, camera.height, 4), Image(camera.width, camera.height, 1)};
-  const int across = camera.width * side, down = camera.height * side;
+  const PixelBox box = impl_->extent(camera);
   const float weight = 1.0f / static_cast<float>(samples);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  for (int row = 0; row < down; ++row) {
+  for (int row = box.y0 * side; row < box.y1 * side; ++row) {
     const float y = (static_cast<float>(row) + 0.5f) / static_cast<float>(side);
-    const float direction_y = (y - static_cast<float>(camera.principal_px.y())) /
-                              static_cast<float>(camera.focal_px.y());
-    for (int first = 0; first < across; first += kLanes) {
+    const float direction_y =
+        (y - static_cast<float>(camera.principal_px.y())) / static_cast<float>(camera.focal_px.y());
+    for (int first = box.x0 * side; first < box.x1 * side; first += kLanes) {
       alignas(32) RTCRayHit8 rays{};
       alignas(32) int valid[kLanes];
       for (int k = 0; k < kLanes; ++k) {
-        valid[k] = first + k < across ? -1 : 0;
+        valid[k] = first + k < box.x1 * side ? -1 : 0;
         const float x = (static_cast<float>(first + k) + 0.5f) / static_cast<float>(side);
         const Vector3f direction =
             turn * Vector3f((x - static_cast<float>(camera.principal_px.x())) /
@@ -178,8 +205,12 @@ Traced Tracer::trace(const Camera& camera, const Lighting& lighting, int samples
         if (valid[k] == 0 || rays.hit.geomID[k] == RTC_INVALID_GEOMETRY_ID) continue;
         const SceneObject& object = impl_->source->objects[rays.hit.geomID[k]];
         const float u = rays.hit.u[k], v = rays.hit.v[k];
-        const Hit hit{&object, &(*impl_->surfaces)[rays.hit.geomID[k]],
-                      object.mesh->triangles.row(rays.hit.primID[k]), 1 - u - v, u, v};
+        const Hit hit{&object,
+                      &(*impl_->surfaces)[rays.hit.geomID[k]],
+                      object.mesh->triangles.row(rays.hit.primID[k]),
+                      1 - u - v,
+                      u,
+                      v};
         const Vector3f direction(rays.ray.dir_x[k], rays.ray.dir_y[k], rays.ray.dir_z[k]);
         // The ray's direction has z = 1 in the camera's frame, so its length parameter is depth.
         const float depth = rays.ray.tfar[k];

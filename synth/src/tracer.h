@@ -12,9 +12,9 @@ namespace semblance {
 
 /// How the surface of one object answers light beyond its albedo.
 struct Surface {
-  float gloss = 0.03f;      // strength of the highlight seen head-on
-  float shininess = 20.0f;  // exponent of the highlight (Blinn 1977)
-  float wrap = 0.0f;        // light that bleeds past the terminator, as through skin
+  float gloss = 0.03f;         // strength of the highlight seen head-on
+  float shininess = 20.0f;     // exponent of the highlight (Blinn 1977)
+  float wrap = 0.0f;           // light that bleeds past the terminator, as through skin
   std::vector<float> ambient;  // per vertex, share of the sky that reaches it; empty: all
 };
 

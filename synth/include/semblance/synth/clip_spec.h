@@ -39,12 +39,12 @@ struct LookSpec {
 
 /// The camera's imperfections.
 struct SensorSpec {
-  int samples = 4;               ///< rays per pixel and sub-frame: 1, 4 or 16
-  double lens_blur_px = 0.6;     ///< deviation of a Gaussian
-  int sub_frames = 1;            ///< instants averaged over the exposure: motion blur
-  double exposure_s = 0.015;     ///< spread of the sub-frames, centred on the frame's time
-  double noise_levels = 2.0;     ///< deviation of Gaussian noise in 8-bit grey levels
-  double tone_gamma = 1.0;       ///< exponent on the sRGB-encoded value; 1 is a true sRGB camera
+  int samples = 4;            ///< rays per pixel and sub-frame: 1, 4 or 16
+  double lens_blur_px = 0.6;  ///< deviation of a Gaussian
+  int sub_frames = 1;         ///< instants averaged over the exposure: motion blur
+  double exposure_s = 0.015;  ///< spread of the sub-frames, centred on the frame's time
+  double noise_levels = 2.0;  ///< deviation of Gaussian noise in 8-bit grey levels
+  double tone_gamma = 1.0;    ///< exponent on the sRGB-encoded value; 1 is a true sRGB camera
 };
 
 /// A clip: a talking, turning head before a background, with exact truth.
