@@ -6,7 +6,6 @@ find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs videoio objde
 find_package(TBB REQUIRED)
 find_package(nlohmann_json 3.11 REQUIRED)
 find_package(fmt REQUIRED)
-find_package(spdlog REQUIRED)
 find_package(CLI11 2.1 REQUIRED)
 find_package(embree 3 REQUIRED)
 find_package(Pagmo 2.18 REQUIRED)

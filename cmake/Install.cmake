@@ -7,10 +7,8 @@ set(package_of_Eigen3::Eigen Eigen3)
 set(package_of_Ceres::ceres Ceres)
 set(package_of_TBB::tbb TBB)
 set(package_of_fmt::fmt fmt)
-set(package_of_spdlog::spdlog spdlog)
 set(package_of_CLI11::CLI11 CLI11)
 set(package_of_nlohmann_json::nlohmann_json nlohmann_json)
-set(package_of_nanoflann::nanoflann nanoflann)
 set(package_of_TinyGLTF::TinyGLTF TinyGLTF)
 set(package_of_Pagmo::pagmo Pagmo)
 set(package_of_embree embree)
@@ -65,6 +63,3 @@ install(EXPORT semblanceTargets NAMESPACE semblance:: DESTINATION ${config_folde
 install(FILES ${CMAKE_BINARY_DIR}/semblanceConfig.cmake
               ${CMAKE_BINARY_DIR}/semblanceConfigVersion.cmake
         DESTINATION ${config_folder})
-if(TARGET semblance)
-  install(TARGETS semblance RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endif()
