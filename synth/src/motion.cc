@@ -25,7 +25,7 @@ std::string normalised(const std::string& name) {
       out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   for (const auto& [word, letter] : {std::pair<std::string, char>{"left", 'l'}, {"right", 'r'}})
     if (out.size() > word.size() && out.ends_with(word))
-      out = out.substr(0, out.size() - word.size()) + letter;
+      out.replace(out.size() - word.size(), word.size(), 1, letter);
   return out;
 }
 
@@ -369,6 +369,9 @@ Pose FaceMotion::Impl::expression(double time_s, const Eigen::Vector3d& head_deg
   add(pose, x_deg > 0 ? "eyelookoutl" : "eyelookinl", std::abs(x_deg) / kFullDeg);
   add(pose, x_deg > 0 ? "eyelookinr" : "eyelookoutr", std::abs(x_deg) / kFullDeg);
   add_both(pose, y_deg > 0 ? "eyelookup" : "eyelookdown", std::abs(y_deg) / kFullDeg);
+  // Models may instead turn both eyes with one signed parameter per axis (35 and 25 degrees).
+  add(pose, "eyelookhorizontal", x_deg / 35.0);
+  add(pose, "eyelookvertical", y_deg / 25.0);
   const double shut = spec.motion.expression > 0 ? blink(time_s) : 0.0;
   add_both(pose, "eyeblink", shut);
   // Lids that follow a lowered gaze and a blink would otherwise close twice.
