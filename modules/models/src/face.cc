@@ -35,7 +35,8 @@ MorphShape make_sweep_face(const FaceResolution& resolution) {
   }
   const face::Layout layout = face::make_layout(resolution.density);
   const Identity mean = face::mean_identity();
-  const Points neutral = face::sweep(layout.places, mean);
+  const face::Sweep sweep(layout.places);
+  const Points neutral = sweep.at(mean);
 
   MorphShape shape;
   auto mesh = std::make_shared<Mesh>();
@@ -59,7 +60,7 @@ MorphShape make_sweep_face(const FaceResolution& resolution) {
     Identity up = mean, down = mean;
     up[k] += step;
     down[k] -= step;
-    const Points change = 0.5 * (face::sweep(layout.places, up) - face::sweep(layout.places, down));
+    const Points change = 0.5 * (sweep.at(up) - sweep.at(down));
     shape.fields.push_back(linear_field(static_cast<int>(i), change));
   }
   shape.identity_count = static_cast<int>(table.size());

@@ -112,7 +112,11 @@ double lower_lid_share(const Vertex& v) {
 class Maker {
  public:
   Maker(const std::vector<Place>& places, const Points& neutral, const Identity& identity)
-      : places_(places), neutral_(neutral), identity_(identity) {}
+      : identity_(identity) {
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      vertices_.push_back(vertex(places[i], neutral.row(static_cast<Eigen::Index>(i))));
+    }
+  }
 
   Expressions make() {
     jaw();
@@ -124,15 +128,20 @@ class Maker {
   }
 
  private:
-  Vertex vertex(std::size_t i) const {
-    const Place& place = places_[i];
-    const Vector3d p = neutral_.row(static_cast<Eigen::Index>(i));
+  // Position of a place on the left half of the mean face.
+  Vector3d on_skin_at(double column, int line) const {
+    Place place;
+    place.column = column;
+    place.row = line;
+    return sweep({place}, identity_).row(0);
+  }
+
+  Vertex vertex(const Place& place, const Vector3d& p) const {
     Vertex v{place, {std::abs(p.x()), p.y(), p.z()}, p.x(), 0.0, 0.0, false};
     const bool on_skin = place.patch == Patch::skin || is_lip_lining(place);
     if (on_skin) {
-      const double u = skin_.angle(place.column);
-      v.contact = skin_.path(u, line_upper_contact);
-      v.mouth = u / skin_.angle(column_mouth_corner);
+      v.contact = on_skin_at(place.column, line_upper_contact).y();
+      v.mouth = skin_.angle(place.column) / skin_.angle(column_mouth_corner);
     }
     v.lower = place.patch == Patch::lower_lip_inside ||
               (place.patch == Patch::skin && place.row >= line_lower_contact);
@@ -150,10 +159,10 @@ class Maker {
     field.parameter = static_cast<int>(out_.parameters.size()) - 1;
     field.weight = std::move(weight);
     std::vector<Vector3d> moved;
-    for (std::size_t i = 0; i < places_.size(); ++i) {
-      const Vertex v = vertex(i);
+    for (std::size_t i = 0; i < vertices_.size(); ++i) {
+      const Vertex& v = vertices_[i];
       Vector3d d = motion(v);
-      if (!signed_x) d.x() *= places_[i].side;
+      if (!signed_x) d.x() *= v.place.side;
       if (d.norm() < 2e-4) continue;
       field.vertices.push_back(static_cast<int>(i));
       moved.push_back(d);
@@ -437,13 +446,8 @@ class Maker {
     const double s = skin_.eye_fraction(skin_.angle(v.place.column));
     if (s <= 0.0 || s >= 1.0) return {};
     const Vector3d eye(eye_x_mm, 0, 0);
-    const auto margin = [&](int line) {
-      Place place;
-      place.column = v.place.column;
-      place.row = line;
-      return Vector3d(sweep({place}, identity_).row(0).transpose() - eye);
-    };
-    const Vector3d a = margin(line_upper_lid), b = margin(line_lower_lid);
+    const Vector3d a = on_skin_at(v.place.column, line_upper_lid) - eye;
+    const Vector3d b = on_skin_at(v.place.column, line_lower_lid) - eye;
     const double top = std::atan2(a.y(), a.z()), low = std::atan2(b.y(), b.z());
     const double meet = low + 0.22 * (top - low);
     const Vector3d a1 = turned_about_x(a, top - meet), b1 = turned_about_x(b, low - meet);
@@ -519,10 +523,9 @@ class Maker {
         true);
   }
 
-  const std::vector<Place>& places_;
-  const Points& neutral_;
   const Identity& identity_;
   Skin skin_;
+  std::vector<Vertex> vertices_;
   Expressions out_;
 };
 

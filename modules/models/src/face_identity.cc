@@ -135,8 +135,8 @@ Vector3d profile_motion(const Vector3d& p, const Identity& c) {
   const Vector3d cheek = Vector3d(0.6, 0.0, 0.8);
   d += c[cheekbone_prominence] * bump2(x, y, 45, -20, 17, 14) * cheek;
   d += c[cheek_fullness] * bump2(x, y, 46, -55, 17, 19) * cheek;
-  d.y() +=
-      c[brow_height] * bump(y, 21, 10) * smooth_step(x, 0, 12) * (1.0 - smooth_step(x, 46, 62));
+  d.y() += c[brow_height] * bump(y, 22, y > 22 ? 20 : 11) * smooth_step(x, -12, 12) *
+           (1.0 - smooth_step(x, 44, 66));
   d.z() += c[brow_ridge] * bump2(x, y, 14, 19, 24, 8);
   d.x() += c[nose_breadth] * 0.5 * smooth_step(x, 1, 15) * (1.0 - smooth_step(x, 20, 34)) *
            bump(y, -40, 12);

@@ -30,8 +30,8 @@ std::vector<LandmarkPlace> ibug_places() {
     all.push_back({jaw[i <= 8 ? i : 16 - i], i < 8 ? -1.0 : i > 8 ? 1.0 : 0.0});
   const double brow = line_brow_top + 0.45;
   const std::vector<SkinPoint> brows = {{column_outer_eye + 0.45, brow + 0.3},
-                                        {column_outer_eye - 0.4, brow - 0.1},
-                                        {column_pupil + 0.1, brow - 0.05},
+                                        {column_outer_eye - 0.3, brow - 0.08},
+                                        {column_pupil - 0.25, brow - 0.05},
                                         {column_mouth_corner + 0.1, brow + 0.1},
                                         {column_inner_eye - 0.5, brow + 0.3}};
   for (int i = 0; i < 10; ++i) all.push_back({brows[i < 5 ? i : 9 - i], i < 5 ? -1.0 : 1.0});

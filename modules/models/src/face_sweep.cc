@@ -129,19 +129,25 @@ Vector3d place_point(const Skin& skin, const Place& place) {
 
 }  // namespace
 
-Points sweep(const std::vector<Place>& places, const Identity& identity) {
+Sweep::Sweep(std::vector<Place> places) : places_(std::move(places)) {
   static const Skin skin;
-  Points points(static_cast<Eigen::Index>(places.size()), 3);
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    Place left = places[i];
-    if (left.patch == Patch::eyeball) left.side = 1.0;
-    Vector3d p = place_point(skin, left);
-    p += identity_displacement(left, p, identity);
+  for (const Place& place : places_) contours_.push_back(place_point(skin, place));
+}
+
+Points Sweep::at(const Identity& identity) const {
+  Points points(static_cast<Eigen::Index>(places_.size()), 3);
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const Place& place = places_[i];
+    Vector3d p = contours_[i] + identity_displacement(place, contours_[i], identity);
     // The middle stays in the middle; the right half mirrors the left.
-    p.x() = left.patch == Patch::eyeball && places[i].side < 0.0 ? -p.x() : p.x() * places[i].side;
+    p.x() *= place.side;
     points.row(static_cast<Eigen::Index>(i)) = p;
   }
   return points;
+}
+
+Points sweep(const std::vector<Place>& places, const Identity& identity) {
+  return Sweep(places).at(identity);
 }
 
 }  // namespace semblance::face

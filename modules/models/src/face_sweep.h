@@ -86,7 +86,18 @@ struct Layout {
 };
 Layout make_layout(double density);
 
-/// Positions of all places, in millimetres, for an identity (in standard deviations).
+/// The swept surface at fixed places, for any identity.
+class Sweep {
+ public:
+  explicit Sweep(std::vector<Place> places);
+  /// Positions of the places in millimetres.
+  Points at(const Identity& identity) const;
+
+ private:
+  std::vector<Place> places_;
+  std::vector<Eigen::Vector3d> contours_;  // left half, as the contours have it
+};
+/// The same for places that are asked for once.
 Points sweep(const std::vector<Place>& places, const Identity& identity);
 
 /// Centre of the left eyeball and its radius, and the lids' shell outside it.
