@@ -1,0 +1,24 @@
+// The program's commands. Each adds itself to the parser and leaves what to run in `action`.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+namespace semblance::cli {
+
+/// What all commands share.
+struct Context {
+  std::string json_path;  // --json: summary figures as one JSON object
+  bool quiet = false;
+  std::function<void()> action;  // set by the command that was chosen
+};
+
+void add_track_commands(CLI::App& app, Context& context);
+void add_synth_commands(CLI::App& app, Context& context);
+void add_demo_command(CLI::App& app, Context& context);
+
+/// Writes the summary where --json asked for it.
+void write_summary(const Context& context, const std::string& json);
+
+}  // namespace semblance::cli

@@ -1,0 +1,74 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.h"
+#include "semblance/face/track_face.h"
+#include "semblance/optim/optimizer.h"
+
+namespace semblance::cli {
+
+namespace {
+
+nlohmann::json summary_json(const FaceTrackingSummary& summary) {
+  const TrackingOutcome& o = summary.outcome;
+  return {{"frames", o.frames},
+          {"tracked", o.tracked},
+          {"lost", o.lost},
+          {"reinitialised", o.reinitialised},
+          {"cancelled", o.cancelled},
+          {"focal_px", summary.focal_px},
+          {"frames_per_second", summary.frames_per_second},
+          {"decode_s", o.times.decode_s},
+          {"track_s", o.times.track_s},
+          {"total_s", o.times.total_s}};
+}
+
+void run_track_face(const Context& context, const FaceTrackingOptions& options) {
+  const auto progress = console_progress();
+  const FaceTrackingSummary summary = track_face(options, *progress);
+  const TrackingOutcome& o = summary.outcome;
+  fmt::print("{}{} frames: {} tracked ({} found again), {} lost; {:.1f} frames/s, {:.1f} s\n",
+             o.cancelled ? "interrupted after " : "", o.frames, o.tracked, o.reinitialised, o.lost,
+             summary.frames_per_second, o.times.total_s);
+  fmt::print("results in {}: track.jsonl track.csv{} face.glb report.html\n", options.folder,
+             options.overlay ? " overlay.mp4" : "");
+  if (o.cancelled) fmt::print("go on with the same command and --resume\n");
+  write_summary(context, summary_json(summary).dump(2));
+}
+
+}  // namespace
+
+void add_track_commands(CLI::App& app, Context& context) {
+  CLI::App* track = app.add_subcommand("track", "Follow an object through a video");
+  track->require_subcommand(1);
+  CLI::App* face = track->add_subcommand("face", "Track a face: pose, expression, light");
+  auto options = std::make_shared<FaceTrackingOptions>();
+  face->add_option("video", options->video, "Video file, or folder of images")->required();
+  face->add_option("-o,--output", options->folder, "Folder for the results")->required();
+  face->add_option("--camera", options->camera, "Camera file (docs/formats/camera.md)");
+  face->add_option("--focal", options->focal_px, "Focal length in pixels, without a camera file")
+      ->check(CLI::PositiveNumber);
+  face->add_flag("--estimate-focal", options->estimate_focal,
+                 "Choose the focal length that explains the clip best");
+  face->add_option("--model", options->model,
+                   "builtin, an ICT FaceKit folder, a folder of OBJ shapes, or a glTF file")
+      ->capture_default_str();
+  face->add_option("--points", options->points, "68 points of the first frame (.pts or .json)");
+  face->add_option("--face", options->face, "Which of several faces, from the left, from 0")
+      ->check(CLI::NonNegativeNumber);
+  face->add_option("--optimizer", options->optimizer, "Method of the frame loop")
+      ->check(CLI::IsMember(optimizer_names()))
+      ->capture_default_str();
+  face->add_flag("--smooth", options->smooth, "Solve the whole clip again, in both directions");
+  face->add_flag("--resume", options->resume, "Go on where an interrupted run stopped");
+  face->add_flag("!--no-overlay", options->overlay, "Do not write overlay.mp4");
+  face->add_option("--seed", options->seed, "Seed of the random methods")->capture_default_str();
+  face->add_option("--last-frame", options->last_frame, "Stop after this frame");
+  face->callback([&context, options] {
+    context.action = [&context, options] { run_track_face(context, *options); };
+  });
+}
+
+}  // namespace semblance::cli

@@ -1,0 +1,163 @@
+#include "semblance/face/track_face.h"
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+#include "semblance/core/errors.h"
+#include "semblance/face/face_tracker.h"
+#include "semblance/io/camera_io.h"
+#include "semblance/io/points.h"
+#include "semblance/models/load_face.h"
+#include "semblance/pipeline/contact_sheet.h"
+#include "semblance/pipeline/face_export.h"
+#include "semblance/pipeline/overlay.h"
+#include "semblance/pipeline/report.h"
+
+namespace semblance {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+Camera camera_for(const FaceTrackingOptions& options, const VideoInfo& info) {
+  if (!options.camera.empty()) {
+    Camera camera = read_camera(options.camera);
+    if (camera.width != info.width || camera.height != info.height) {
+      throw InvalidInput(options.camera + ": is for pictures of " + std::to_string(camera.width) +
+                         " x " + std::to_string(camera.height) + ", but " + options.video +
+                         " has " + std::to_string(info.width) + " x " +
+                         std::to_string(info.height) +
+                         "; calibrate the camera at the video's size");
+    }
+    return camera;
+  }
+  const double focal =
+      options.focal_px > 0.0 ? options.focal_px : kDefaultFocal * std::max(info.width, info.height);
+  return Camera::centred(info.width, info.height, focal);
+}
+
+/// The 68 marks as landmarks of the model; the jaw line is marked less exactly than the rest.
+std::vector<FaceMark> marks_from(const std::string& path, std::size_t landmark_count,
+                                 const Camera& camera) {
+  const std::vector<Eigen::Vector2d> points = read_points(path);
+  if (points.size() != landmark_count || landmark_count != 68) {
+    throw InvalidInput(path + ": has " + std::to_string(points.size()) +
+                       " points, but 68 in the order of iBUG 300-W are needed (the model has " +
+                       std::to_string(landmark_count) + " landmarks)");
+  }
+  const double eyes_px = (points[45] - points[36]).norm();
+  std::vector<FaceMark> marks;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!(points[i].x() >= 0 && points[i].y() >= 0 && points[i].x() <= camera.width &&
+          points[i].y() <= camera.height)) {
+      throw InvalidInput(path + ": point " + std::to_string(i) + " lies outside the picture");
+    }
+    const double share = i < 17 ? 0.06 : 0.02;
+    marks.push_back({static_cast<int>(i), points[i], std::max(0.5, share * eyes_px)});
+  }
+  return marks;
+}
+
+void prepare_folder(const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder)) fs::create_directory(folder, error);
+  if (error || !fs::is_directory(folder)) {
+    throw IoError(folder + ": cannot be used as the output folder" +
+                  (error ? " (" + error.message() + ")" : std::string()) +
+                  "; name a folder in a place you can write to");
+  }
+}
+
+TrackHeader header_for(const FaceTrackingOptions& options, const FaceTracker& tracker,
+                       const Camera& camera) {
+  TrackHeader header;
+  header.kind = "face";
+  header.seed = options.seed;
+  header.parameters = tracker.parameters();
+  header.cameras = {camera};
+  header.width = camera.width;
+  header.height = camera.height;
+  header.landmark_names = tracker.landmark_names();
+  header.config = {{"video", fs::path(options.video).filename().string()},
+                   {"model", options.model},
+                   {"optimizer", options.optimizer},
+                   {"points", fs::path(options.points).filename().string()},
+                   {"focal_px", camera.focal_px.x()},
+                   {"face", options.face ? nlohmann::json(*options.face) : nlohmann::json()},
+                   {"smooth", options.smooth}};
+  return header;
+}
+
+}  // namespace
+
+FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& progress) {
+  const auto begin = std::chrono::steady_clock::now();
+  const VideoInfo info = VideoSource(options.video).info();
+  const Camera camera = camera_for(options, info);
+  const MorphShape shape = load_face(options.model);
+  FaceTrackerOptions tracking;
+  tracking.optimizer = options.optimizer;
+  tracking.seed = options.seed;
+  tracking.face = options.face;
+  if (!options.points.empty()) {
+    tracking.first_marks = marks_from(options.points, shape.landmarks.size(), camera);
+  }
+  FaceTracker tracker(shape, camera.without_distortion(), tracking);
+  prepare_folder(options.folder);
+  const fs::path folder(options.folder);
+
+  TrackingRun run;
+  run.video = options.video;
+  run.folder = options.folder;
+  run.camera = camera;
+  run.header = header_for(options, tracker, camera);
+  run.resume = options.resume;
+  run.last_frame = options.last_frame;
+
+  ContactSheet pictures(info.width);
+  const double rate = info.frames_per_second > 0.0 ? info.frames_per_second : 25.0;
+  std::optional<OverlayWriter> overlay;
+  if (options.overlay) {
+    overlay.emplace(
+        (folder / "overlay.mp4").string(), camera.without_distortion(), rate,
+        [&](const Rgb8& picture, const TrackFrame& track) { pictures.add(picture, track); });
+  }
+  Scene scene;
+  const FrameSink sink = [&](const Rgb8& picture, const TrackFrame& frame) {
+    if (!overlay) return;
+    if (frame.status != TrackStatus::lost) tracker.pose_scene(frame, scene);
+    overlay->write(picture, scene, frame);
+  };
+
+  FaceTrackingSummary summary;
+  summary.focal_px = camera.focal_px.x();
+  summary.outcome = run_tracking(run, tracker, sink, progress);
+  if (overlay) overlay->close();
+  const Track track = read_track((folder / "track.jsonl").string());
+  write_track_csv((folder / "track.csv").string(), track);
+  if (tracker.has_identity()) {
+    write_face_glb((folder / "face.glb").string(), shape, tracker.texture(), track);
+  }
+  const double wall_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  summary.frames_per_second = summary.outcome.frames / wall_s;
+  ReportInput report;
+  report.title = fs::path(options.video).filename().string();
+  report.track = track;
+  report.stages = {{"decoding and pyramids", summary.outcome.times.decode_s},
+                   {"tracking", summary.outcome.times.track_s}};
+  report.wall_s = wall_s;
+  report.pictures = std::move(pictures);
+  write_report((folder / "report.html").string(), report);
+  if (summary.outcome.tracked == 0 && !summary.outcome.cancelled) {
+    throw SolverError(options.video + ": no face was found in any of its " +
+                      std::to_string(summary.outcome.frames) +
+                      " frames; the face should be at least 60 pixels wide and look towards the "
+                      "camera in some frame, or be marked with --points");
+  }
+  return summary;
+}
+
+}  // namespace semblance
