@@ -123,7 +123,7 @@ std::vector<ModelLandmark> ibug_landmarks(const Layout& layout) {
   const auto places = ibug_places();
   std::vector<ModelLandmark> landmarks;
   for (std::size_t i = 0; i < places.size(); ++i) {
-    const std::string number = (i < 10 ? "0" : "") + std::to_string(i);
+    const std::string number = std::to_string(100 + i).substr(1);
     landmarks.push_back(located("ibug_" + number, places[i], layout));
   }
   return landmarks;
