@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
 
 #include "opencv_image.h"
-#include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "text.h"
 
@@ -78,12 +76,19 @@ class FileReader : public Reader {
       return false;
     }
     ++position_;
+    last_time_s_ = 1e-3 * capture_.get(cv::CAP_PROP_POS_MSEC);
     return true;
   }
 
   void check_complete() const {
     if (position_ == 0) throw InvalidInput(path_ + ": holds no frame that can be decoded");
     if (position_ + tolerated_missing_frames >= info_->frame_count) return;
+    // Some containers count no frames: the number is then duration times rate, too high for a
+    // recording that left frames out, but its last frame is at the end all the same.
+    if (last_time_s_ * info_->frames_per_second + tolerated_missing_frames + 1 >=
+        info_->frame_count) {
+      return;
+    }
     throw InvalidInput(
         fmt::format("{}: decoding ends after frame {} of {}: the file is damaged or "
                     "cut off. Copy it again, or cut it to its whole part with ffmpeg",
@@ -95,6 +100,7 @@ class FileReader : public Reader {
   cv::VideoCapture capture_;
   cv::Mat bgr_;
   int position_ = 0;
+  double last_time_s_ = 0.0;
 };
 
 class FolderReader : public Reader {
@@ -223,66 +229,6 @@ void VideoSource::skip_to(int index) {
     }
     ++impl_->position;
   }
-}
-
-struct VideoWriter::Impl {
-  Impl(const std::string& path, int width_in, int height_in)
-      : file(path), width(width_in), height(height_in) {}
-
-  AtomicFile file;
-  int width = 0, height = 0;
-  cv::VideoWriter writer;
-  cv::Mat bgr;
-};
-
-VideoWriter::VideoWriter(const std::string& path, int width, int height, double frames_per_second) {
-  silence_opencv();
-  check_image_size(path, width, height);
-  if (!(frames_per_second > 0.0) || frames_per_second > 1e4) {
-    throw InvalidInput(fmt::format("{}: {} frames per second; a positive rate was expected", path,
-                                   frames_per_second));
-  }
-  const std::string extension = fs::path(path).extension().string();
-  if (extension != ".mp4" && extension != ".avi") {
-    throw InvalidInput(path + ": a video is written as .mp4 (H.264) or .avi (MJPG)");
-  }
-  impl_ = std::make_unique<Impl>(path, width, height);
-  const int codec = extension == ".mp4" ? cv::VideoWriter::fourcc('a', 'v', 'c', '1')
-                                        : cv::VideoWriter::fourcc('M', 'J', 'P', 'G');
-  // Chroma is kept at half the resolution, so H.264 takes even sizes only.
-  const cv::Size padded(width + width % 2, height + height % 2);
-  bool opened = false;
-  try {
-    opened = impl_->writer.open(impl_->file.temporary_path().string(), cv::CAP_FFMPEG, codec,
-                                frames_per_second, padded);
-  } catch (const cv::Exception&) {
-    opened = false;
-  }
-  if (!opened) {
-    throw IoError(path + ": the video encoder cannot be started; OpenCV needs FFmpeg with " +
-                  (extension == ".mp4" ? "libx264" : "MJPEG"));
-  }
-}
-
-VideoWriter::~VideoWriter() = default;
-
-void VideoWriter::write(const Rgb8& frame) {
-  if (frame.width != impl_->width || frame.height != impl_->height) {
-    throw InvalidInput(fmt::format("{}: a frame of {} x {} pixels was given; {} x {} were expected",
-                                   impl_->file.path().string(), frame.width, frame.height,
-                                   impl_->width, impl_->height));
-  }
-  bgr_from_rgb8(frame, impl_->bgr);
-  if (frame.width % 2 != 0 || frame.height % 2 != 0) {
-    cv::copyMakeBorder(impl_->bgr, impl_->bgr, 0, frame.height % 2, 0, frame.width % 2,
-                       cv::BORDER_REPLICATE);
-  }
-  impl_->writer.write(impl_->bgr);
-}
-
-void VideoWriter::close() {
-  impl_->writer.release();
-  impl_->file.commit();
 }
 
 }  // namespace semblance

@@ -50,7 +50,12 @@ class VideoSource {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Writes a video (H.264 in .mp4, MJPG in .avi) under a temporary name until `close`.
+/// Writes a video (H.264 in .mp4, MJPG in .avi; 8-bit 4:2:0 in the matrix of BT.601) under a
+/// temporary name until `close`. Uses one thread, and the same frames make the same bytes. Pictures
+/// of odd size get a copy of their last column or row.
+///
+/// Throws InvalidInput for a name, size, rate or frame that does not fit, and IoError, naming the
+/// file, where it cannot be written or no encoder can be started.
 class VideoWriter {
  public:
   VideoWriter(const std::string& path, int width, int height, double frames_per_second);
