@@ -273,73 +273,46 @@ namespace {
 /// What the Jacobian needs of one field at x.
 struct FieldState {
   float weight = 0.0f, derivative = 0.0f;
-  int column = -1;  // among the shape columns asked for
+  int column = -1;  // of `out`, -1 where the field's parameter is not asked for
 };
 
-/// Where each asked column comes from.
-struct ColumnPlan {
-  std::vector<int> pose_axis;      // per asked column: 0-2 rotation, 3-5 translation, -1 shape
-  std::vector<int> shape_columns;  // asked columns of the shape, in order
-  bool rotates = false;            // a rotation column is asked for
-  bool shape_is_contiguous = false;
-};
-
-ColumnPlan plan_columns(const std::vector<int>& tangent_columns, Eigen::Index tangent_size) {
-  ColumnPlan plan;
-  for (int i = 0; i < static_cast<int>(tangent_columns.size()); ++i) {
-    const int column = tangent_columns[i];
-    if (column < 0 || column >= tangent_size) {
-      throw InvalidInput("morph model: there is no tangent column " + std::to_string(column));
-    }
-    const bool is_pose = column < first_shape_tangent;
-    plan.pose_axis.push_back(is_pose ? column : -1);
-    plan.rotates |= column < 3;
-    if (!is_pose) plan.shape_columns.push_back(i);
+void check_columns(const std::vector<int>& tangent_columns, Eigen::Index tangent_size) {
+  for (int column : tangent_columns) {
+    if (column >= 0 && column < tangent_size) continue;
+    throw InvalidInput("morph model: there is no tangent column " + std::to_string(column));
   }
-  const int count = static_cast<int>(plan.shape_columns.size());
-  plan.shape_is_contiguous =
-      count > 0 && plan.shape_columns.back() - plan.shape_columns.front() == count - 1;
-  return plan;
 }
 
 std::vector<FieldState> field_states(const MorphShape& shape, const Eigen::VectorXd& x,
-                                     const std::vector<int>& tangent_columns,
-                                     const ColumnPlan& plan) {
+                                     const std::vector<int>& tangent_columns) {
   std::vector<int> column_of(shape.parameters.size(), -1);
-  for (std::size_t i = 0; i < plan.shape_columns.size(); ++i) {
-    column_of[tangent_columns[plan.shape_columns[i]] - first_shape_tangent] = static_cast<int>(i);
+  for (std::size_t i = 0; i < tangent_columns.size(); ++i) {
+    const int parameter = tangent_columns[i] - first_shape_tangent;
+    if (parameter >= 0) column_of[parameter] = static_cast<int>(i);
   }
-  std::vector<FieldState> states(shape.fields.size());
-  for (std::size_t f = 0; f < states.size(); ++f) {
-    const MorphField& field = shape.fields[f];
+  std::vector<FieldState> states;
+  for (const MorphField& field : shape.fields) {
     const Weight weight = field_weight(field, x[first_shape_entry + field.parameter]);
-    states[f] = {static_cast<float>(weight.value), static_cast<float>(weight.derivative),
-                 column_of[field.parameter]};
+    states.push_back({static_cast<float>(weight.value), static_cast<float>(weight.derivative),
+                      column_of[field.parameter]});
   }
   return states;
 }
 
-/// d(R p + t): rotation column k is e_k x (R p), translation column k is e_k.
-void write_pose_columns(const ColumnPlan& plan, const Eigen::Vector3f& rotated, float* rows,
-                        std::size_t stride) {
-  for (std::size_t i = 0; i < plan.pose_axis.size(); ++i) {
-    const int column = plan.pose_axis[i];
-    if (column < 0) continue;
+/// d(R p + t): rotation column k is e_k x (R p), translation column k is e_k. The rows are zero.
+void add_pose_columns(const std::vector<int>& tangent_columns, const Eigen::Vector3f& rotated,
+                      float* rows) {
+  const std::size_t stride = tangent_columns.size();
+  for (std::size_t i = 0; i < stride; ++i) {
+    const int column = tangent_columns[i];
+    if (column >= first_shape_tangent) continue;
     const int k = column % 3, next = (k + 1) % 3, last = (k + 2) % 3;
-    rows[k * stride + i] = column < 3 ? 0.0f : 1.0f;
-    rows[next * stride + i] = column < 3 ? -rotated[last] : 0.0f;
-    rows[last * stride + i] = column < 3 ? rotated[next] : 0.0f;
-  }
-}
-
-/// rows = R * local for the shape's columns: 3 x count, both row-major.
-void rotate_rows(const Eigen::Matrix3f& r, const float* local, int count, float* rows,
-                 std::size_t stride) {
-  const float *x = local, *y = local + count, *z = local + 2 * count;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float rx = r(axis, 0), ry = r(axis, 1), rz = r(axis, 2);
-    float* out = rows + axis * stride;
-    for (int i = 0; i < count; ++i) out[i] = rx * x[i] + ry * y[i] + rz * z[i];
+    if (column < 3) {
+      rows[next * stride + i] = -rotated[last];
+      rows[last * stride + i] = rotated[next];
+    } else {
+      rows[k * stride + i] = 1.0f;
+    }
   }
 }
 
@@ -348,43 +321,33 @@ void rotate_rows(const Eigen::Matrix3f& r, const float* local, int count, float*
 bool MorphModel::vertex_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
                                  const std::vector<int>* vertices, VertexJacobian& out) const {
   require_size(x, space_);
-  const int vertex_count = static_cast<int>(tables_->neutral_m.rows());
+  check_columns(tangent_columns, space_.tangent_size());
+  const Eigen::Index vertex_count = tables_->neutral_m.rows();
   const std::size_t stride = tangent_columns.size();
   if (out.rows() != 3 * vertex_count || out.cols() != static_cast<Eigen::Index>(stride)) {
     out.resize(3 * vertex_count, static_cast<Eigen::Index>(stride));
   }
-  const ColumnPlan plan = plan_columns(tangent_columns, space_.tangent_size());
-  const std::vector<FieldState> states = field_states(shape_, x, tangent_columns, plan);
+  const std::vector<FieldState> states = field_states(shape_, x, tangent_columns);
   const Eigen::Matrix3f rotation = pose_of(x).rotation;
-  const int count = static_cast<int>(plan.shape_columns.size());
-  std::vector<float> local(3 * count), scattered(3 * count);
 
-  const std::size_t row_count = vertices ? vertices->size() : vertex_count;
-  for (std::size_t i = 0; i < row_count; ++i) {
+  const std::size_t count = vertices ? vertices->size() : static_cast<std::size_t>(vertex_count);
+  for (std::size_t i = 0; i < count; ++i) {
     const int vertex = vertices ? (*vertices)[i] : static_cast<int>(i);
     float* rows = out.data() + 3 * static_cast<std::size_t>(vertex) * stride;
+    std::fill(rows, rows + 3 * stride, 0.0f);
     Eigen::Vector3f position = tables_->neutral_m.row(vertex).transpose();
-    std::fill(local.begin(), local.end(), 0.0f);
     for (std::size_t e = tables_->first_entry[vertex]; e < tables_->first_entry[vertex + 1]; ++e) {
       const Tables::Entry& entry = tables_->entries[e];
       const FieldState& state = states[entry.field];
       position += state.weight * entry.displacement_m;
       if (state.column < 0) continue;
-      for (int axis = 0; axis < 3; ++axis) {
-        local[axis * count + state.column] += state.derivative * entry.displacement_m[axis];
-      }
+      const Eigen::Vector3f motion = rotation * (state.derivative * entry.displacement_m);
+      float* column = rows + state.column;
+      column[0] += motion[0];
+      column[stride] += motion[1];
+      column[2 * stride] += motion[2];
     }
-    if (plan.shape_is_contiguous) {
-      rotate_rows(rotation, local.data(), count, rows + plan.shape_columns.front(), stride);
-    } else {
-      rotate_rows(rotation, local.data(), count, scattered.data(), count);
-      for (int axis = 0; axis < 3; ++axis) {
-        for (int c = 0; c < count; ++c) {
-          rows[axis * stride + plan.shape_columns[c]] = scattered[axis * count + c];
-        }
-      }
-    }
-    write_pose_columns(plan, rotation * position, rows, stride);
+    add_pose_columns(tangent_columns, rotation * position, rows);
   }
   return true;
 }
