@@ -7,8 +7,8 @@ namespace semblance {
 
 namespace {
 
-constexpr float kAnchorWeight = 0.5f;  // seen this well, a texel is final
-constexpr float kImprovement = 1.25f;  // a new view must be so much better to replace an old one
+constexpr float kAnchorWeight = 4.0f;  // seen this well in sum, a texel is final
+constexpr float kLeastWeight = 0.05f;  // views worse than this show nothing
 constexpr float kDepthTolerance_m = 0.003f;
 
 Eigen::Vector3f corner_mix(const PointsF& rows, const Eigen::RowVector3i& corner, float b1,
@@ -103,16 +103,17 @@ void Appearance::gather(const Image& observed_linear, const SceneObject& object,
         index_at[static_cast<std::size_t>(y) * camera.width + static_cast<std::size_t>(x)];
     if (pixel < 0 || std::abs(pixels.depth_m[pixel] - p.z()) > kDepthTolerance_m) continue;
     const float weight = cosine * cosine * pixel_weight[pixel];
-    if (weight < 0.05f || weight < kImprovement * seen[3]) continue;
+    if (weight < kLeastWeight) continue;
     float observed[3];
     sample_bilinear(observed_linear, x, y, observed);
     const auto basis = sh_basis(normal.x(), normal.y(), normal.z());
     for (int c = 0; c < 3; ++c) {
       float lit = 0.0f;
       for (int k = 0; k < 9; ++k) lit += basis[k] * light.coefficients[k][c];
-      seen[c] = std::min(encode_intensity(observed[c] / std::max(lit, 0.01f)), 2.0f);
+      const float albedo = std::min(encode_intensity(observed[c] / std::max(lit, 0.01f)), 2.0f);
+      seen[c] += weight / (seen[3] + weight) * (albedo - seen[c]);
     }
-    seen[3] = weight;
+    seen[3] += weight;
   }
   rebuild();
 }

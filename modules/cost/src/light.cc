@@ -25,8 +25,8 @@ void shade_vertices(const Scene& scene, int texture_width, int texture_height,
     }
     const auto index = static_cast<Eigen::Index>(v);
     // Light below one percent would make albedo undefined in gather and gradients vanish.
-    out[v] = {object.mesh->uvs(index, 0) * static_cast<float>(texture_width),
-              (1.0f - object.mesh->uvs(index, 1)) * static_cast<float>(texture_height),
+    out[v] = {object.mesh->uvs(index, 0) * static_cast<float>(texture_width) - 0.5f,
+              (1.0f - object.mesh->uvs(index, 1)) * static_cast<float>(texture_height) - 0.5f,
               0.0f,
               0.0f,
               std::sqrt(std::max(rgb[0], 0.01f)),
@@ -72,7 +72,7 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
     const auto basis = sh_basis(n[0], n[1], n[2]);
     Vector9 y;
     for (int k = 0; k < 9; ++k) y[k] = basis[k];
-    const float* record = observation.record(seen.pixel[i]);
+    const float* record = observation.colour(seen.pixel[i]);
     for (int c = 0; c < 3; ++c) {
       const double albedo = texel[c] * texel[c];
       const double observed = record[c] * record[c];

@@ -18,24 +18,24 @@ ObservationLevel make_level(const Image& linear, double scale) {
   level.height = linear.height;
   level.scale = scale;
   const int w = linear.width, h = linear.height;
-  std::vector<float> encoded(std::size_t{4} * w * h);
+  std::vector<float>& encoded = level.encoded;
+  encoded.resize(std::size_t{4} * w * h);
   for (std::size_t i = 0; i < static_cast<std::size_t>(w) * h; ++i) {
     for (int c = 0; c < 3; ++c) encoded[4 * i + c] = encode_intensity(linear.data[3 * i + c]);
     encoded[4 * i + 3] = 0.0f;
   }
-  level.records.resize(std::size_t{12} * w * h);
+  level.gradient.resize(std::size_t{8} * w * h);
   for (int y = 0; y < h; ++y) {
     const float* row = encoded.data() + std::size_t{4} * y * w;
     const float* above = encoded.data() + std::size_t{4} * std::max(y - 1, 0) * w;
     const float* below = encoded.data() + std::size_t{4} * std::min(y + 1, h - 1) * w;
-    float* out = level.records.data() + std::size_t{12} * y * w;
-    for (int x = 0; x < w; ++x, out += 12) {
+    float* out = level.gradient.data() + std::size_t{8} * y * w;
+    for (int x = 0; x < w; ++x, out += 8) {
       const float* left = row + 4 * std::max(x - 1, 0);
       const float* right = row + 4 * std::min(x + 1, w - 1);
       for (int c = 0; c < 4; ++c) {
-        out[c] = row[4 * x + c];
-        out[4 + c] = 0.5f * (right[c] - left[c]);
-        out[8 + c] = 0.5f * (below[4 * x + c] - above[4 * x + c]);
+        out[c] = 0.5f * (right[c] - left[c]);
+        out[4 + c] = 0.5f * (below[4 * x + c] - above[4 * x + c]);
       }
     }
   }

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "photometric_kernel.h"
+#include "semblance/core/errors.h"
 #include "shaded_vertices.h"
 
 namespace semblance {
@@ -44,62 +46,77 @@ PhotometricCost::PhotometricCost(const ObservationLevel* observation, const Appe
       triangle_weight_(triangle_weight),
       options_(options) {}
 
-void PhotometricCost::shade(const Synthesis& synthesis, ShadedPixels& out) const {
-  thread_local std::vector<detail::VertexRecord> vertices;
-  const AlbedoPyramid::Level& texture = appearance_->albedo().levels[options_.texture_level];
+namespace {
+
+/// Vertices are written to `vertices`, which must outlive the result.
+detail::ShadeInput shade_input(const Synthesis& synthesis, const AlbedoPyramid::Level& texture,
+                               const SurfaceTopology& topology,
+                               const std::vector<float>& triangle_weight,
+                               std::vector<detail::VertexRecord>& vertices) {
+  if (synthesis.scene.objects.size() != 1) {
+    throw InvalidInput("the photometric cost compares scenes of one object, this one has " +
+                       std::to_string(synthesis.scene.objects.size()));
+  }
+  if (texture.width < 2 || texture.height < 2) {
+    throw InvalidInput("the photometric cost needs a texture of at least 2 x 2 texels");
+  }
   detail::shade_vertices(synthesis.scene, texture.width, texture.height, vertices);
   const VisiblePixels& seen = synthesis.pixels;
-  out.colour.resize(4 * seen.size());
-  const detail::ShadeInput input{seen.size(),
-                                 seen.triangle.data(),
-                                 seen.b1.data(),
-                                 seen.b2.data(),
-                                 topology_->triangles.front().data(),
-                                 vertices.data(),
-                                 texture.texels.data(),
-                                 texture.width,
-                                 texture.height};
-  detail::photometric_kernel().shade(input, out.colour.data());
+  return {seen.size(),
+          seen.triangle.data(),
+          seen.b1.data(),
+          seen.b2.data(),
+          topology.triangles.front().data(),
+          vertices.data(),
+          triangle_weight.data(),
+          texture.texels.data(),
+          texture.width,
+          texture.height};
+}
+
+}  // namespace
+
+double PhotometricCost::shade(const Synthesis& synthesis, ShadedPixels& out) const {
+  std::vector<detail::VertexRecord> vertices;
+  const detail::ShadeInput input =
+      shade_input(synthesis, appearance_->albedo().levels[options_.texture_level], *topology_,
+                  *triangle_weight_, vertices);
+  out.colour.resize(4 * synthesis.pixels.size());
+  return detail::photometric_kernel().shade(input, out.colour.data());
 }
 
 double PhotometricCost::evaluate(const Synthesis& synthesis, SurfaceEquations* surface,
                                  NormalEquations* direct) const {
   (void)direct;
+  constexpr double kNothingSeen = std::numeric_limits<double>::infinity();
   const VisiblePixels& seen = synthesis.pixels;
-  if (seen.size() == 0) return std::numeric_limits<double>::infinity();
+  if (seen.size() == 0) return kNothingSeen;
+  // Kept between calls: fresh pages would cost as much as the work.
+  thread_local std::vector<detail::VertexRecord> vertices;
   thread_local ShadedPixels shaded;
-  shade(synthesis, shaded);
-  detail::CompareInput input{};
-  input.count = seen.size();
-  input.pixel = seen.pixel.data();
-  input.triangle = seen.triangle.data();
-  input.b1 = seen.b1.data();
-  input.b2 = seen.b2.data();
-  input.colour = shaded.colour.data();
-  input.records = observation_->records.data();
-  input.triangle_weight = triangle_weight_->data();
-  input.inverse_width = static_cast<float>(1.0 / (options_.robust_width * options_.robust_width));
-  input.inverse_variance = static_cast<float>(1.0 / (options_.sigma * options_.sigma));
-
+  const detail::ShadeInput shading =
+      shade_input(synthesis, appearance_->albedo().levels[options_.texture_level], *topology_,
+                  *triangle_weight_, vertices);
+  const detail::CompareInput input{
+      seen.pixel.data(), observation_->encoded.data(), observation_->gradient.data(),
+      static_cast<float>(1.0 / (options_.sigma * options_.sigma)),
+      static_cast<float>(1.0 / (options_.robust_width * options_.robust_width))};
   const detail::Kernel& kernel = detail::photometric_kernel();
-  thread_local std::vector<float> accumulators;
-  detail::CompareSums sums;
-  if (surface != nullptr) {
-    accumulators.assign(24 * topology_->triangles.size(), 0.0f);
-    sums = kernel.linearize(input, accumulators.data());
-  } else {
-    sums = kernel.compare(input);
-  }
-  if (!(sums.weight > 0.0)) return std::numeric_limits<double>::infinity();
   const double reference = options_.reference_pixels > 0.0 ? options_.reference_pixels
                                                            : static_cast<double>(seen.size());
-  const double scale = reference / (sums.weight * options_.correlation_area_px);
-  if (surface != nullptr) {
-    float* total = surface->accumulators();
-    const float factor = static_cast<float>(scale);
-    for (std::size_t i = 0; i < accumulators.size(); ++i) total[i] += factor * accumulators[i];
+  const auto scale = [&](double weight) {
+    return reference / (weight * options_.correlation_area_px);
+  };
+  if (surface == nullptr) {
+    const detail::CompareSums sums = kernel.compare(shading, input);
+    return sums.weight > 0.0 ? scale(sums.weight) * sums.cost : kNothingSeen;
   }
-  return scale * sums.cost;
+  shaded.colour.resize(4 * seen.size());
+  const double weight = kernel.shade(shading, shaded.colour.data());
+  if (!(weight > 0.0)) return kNothingSeen;
+  return scale(weight) * kernel.linearize(shading, input, shaded.colour.data(),
+                                          static_cast<float>(scale(weight)),
+                                          surface->accumulators(seen.triangle));
 }
 
 namespace {
@@ -138,7 +155,7 @@ PhotometricCost::Statistics PhotometricCost::statistics(const Synthesis& synthes
   std::vector<float> magnitudes;
   float previous = 0.0f;
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    const float* record = observation_->record(seen.pixel[i]);
+    const float* record = observation_->colour(seen.pixel[i]);
     const float* colour = shaded.colour.data() + 4 * i;
     float square = 0.0f, residual = 0.0f, synthetic = 0.0f, observed = 0.0f;
     for (int c = 0; c < 3; ++c) {
@@ -148,7 +165,7 @@ PhotometricCost::Statistics PhotometricCost::statistics(const Synthesis& synthes
       synthetic += colour[c];
       observed += record[c];
     }
-    const float weight = colour[3] * (*triangle_weight_)[seen.triangle[i]];
+    const float weight = colour[3];
     const double s = square / (options_.sigma * options_.sigma);
     const double q = 1.0 / (1.0 + s / (options_.robust_width * options_.robust_width));
     out.pixel_weight[i] = static_cast<float>(q * q);

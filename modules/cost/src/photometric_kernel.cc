@@ -3,6 +3,8 @@
 namespace semblance::detail {
 
 namespace {
+#include "vectors.inc"
+//
 #include "photometric_kernel.inc"
 }  // namespace
 

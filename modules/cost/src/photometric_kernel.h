@@ -6,7 +6,7 @@
 
 namespace semblance::detail {
 
-/// Per vertex: texel coordinates (column, row; texel centres at +0.5), encoded light, padding.
+/// Per vertex: texel coordinates (column, row; texel centres at integers), encoded light, padding.
 struct VertexRecord {
   float column, row, pad0, pad1;
   float red, green, blue, one;
@@ -19,21 +19,17 @@ struct ShadeInput {
   const float* b2;
   const std::int32_t* corners;  // 3 per triangle
   const VertexRecord* vertices;
-  const float* texels;  // 4 floats each, rows from the top
-  int texture_width, texture_height;
+  const float* triangle_weight;
+  const float* texels;                // 4 floats each, rows from the top
+  int texture_width, texture_height;  // at least 2
 };
 
 struct CompareInput {
-  std::size_t count;
-  const std::int32_t* pixel;
-  const std::int32_t* triangle;
-  const float* b1;
-  const float* b2;
-  const float* colour;   // 4 per pixel, from shade
-  const float* records;  // 12 per image pixel (ObservationLevel)
-  const float* triangle_weight;
-  float inverse_variance;  // 1 / sigma^2
-  float inverse_width;     // 1 / (robust_width^2), of residuals in sigma
+  const std::int32_t* pixel;  // as many as are shaded
+  const float* observed;      // 4 per image pixel (ObservationLevel): encoded rgb, 0
+  const float* gradient;      // 8 per image pixel
+  float inverse_variance;     // 1 / sigma^2
+  float inverse_width;        // 1 / (robust_width^2), of residuals in sigma
 };
 
 struct CompareSums {
@@ -42,13 +38,15 @@ struct CompareSums {
 };
 
 struct Kernel {
-  /// colour[4 i ..]: encoded rgb and confidence of visible pixel i.
-  void (*shade)(const ShadeInput& input, float* colour);
-  /// Sums only.
-  CompareSums (*compare)(const CompareInput& input);
-  /// Sums, and adds every pixel's 24 numbers to its triangle's accumulator (24 floats each, order
-  /// of SurfaceEquations).
-  CompareSums (*linearize)(const CompareInput& input, float* accumulators);
+  /// colour[4 i ..]: encoded rgb and weight (confidence * triangle weight) of visible pixel i.
+  /// Returns the sum of weights.
+  double (*shade)(const ShadeInput& input, float* colour);
+  /// Sums only, shading on the way.
+  CompareSums (*compare)(const ShadeInput& shading, const CompareInput& input);
+  /// Sum of cost, and adds scale times every pixel's 24 numbers to its triangle's accumulator (24
+  /// floats each, order of SurfaceEquations). `colour` comes from `shade`.
+  double (*linearize)(const ShadeInput& shading, const CompareInput& input, const float* colour,
+                      float scale, float* accumulators);
 };
 
 /// The fastest kernel this machine can run.

@@ -9,22 +9,8 @@ PriorCost::PriorCost(Eigen::VectorXd mean, Eigen::VectorXd tangent_sigma)
         return std::isfinite(sigma) ? 1.0 / (sigma * sigma) : 0.0;
       })) {}
 
-namespace {
-
-Eigen::VectorXd declared_sigma(const ParameterSpace& space) {
-  Eigen::VectorXd sigma(space.tangent_size());
-  for (std::size_t b = 0; b < space.blocks().size(); ++b) {
-    const ParameterBlock& block = space.blocks()[b];
-    sigma.segment(space.tangent_offset(static_cast<int>(b)), ParameterSpace::tangent_size(block)) =
-        block.prior_sigma;
-  }
-  return sigma;
-}
-
-}  // namespace
-
 PriorCost::PriorCost(const ParameterSpace& space)
-    : PriorCost(space.initial(), declared_sigma(space)) {}
+    : PriorCost(space.initial(), space.tangent_prior_sigma()) {}
 
 double PriorCost::evaluate(const Synthesis& synthesis, SurfaceEquations* surface,
                            NormalEquations* direct) const {

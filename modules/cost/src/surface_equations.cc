@@ -1,14 +1,16 @@
 #include "semblance/cost/surface_equations.h"
 
 #include <algorithm>
-#include <map>
 #include <unordered_map>
+
+#include "surface_kernel.h"
 
 namespace semblance {
 
 SurfaceTopology::SurfaceTopology(const Triangles& faces) {
   std::unordered_map<std::uint64_t, int> edge_index;
   edge_index.reserve(static_cast<std::size_t>(faces.rows()) * 2);
+  std::vector<std::array<int, 2>> ends;
   for (Eigen::Index t = 0; t < faces.rows(); ++t) {
     const std::array<int, 3> corner = {faces(t, 0), faces(t, 1), faces(t, 2)};
     std::array<int, 3> edge{};
@@ -16,58 +18,78 @@ SurfaceTopology::SurfaceTopology(const Triangles& faces) {
       const auto [low, high] = std::minmax(corner[(i + 1) % 3], corner[(i + 2) % 3]);
       const std::uint64_t key =
           (static_cast<std::uint64_t>(low) << 32) | static_cast<unsigned>(high);
-      const auto [found, is_new] = edge_index.try_emplace(key, static_cast<int>(edges.size()));
-      if (is_new) edges.push_back({low, high});
+      const auto [found, is_new] = edge_index.try_emplace(key, static_cast<int>(ends.size()));
+      if (is_new) ends.push_back({low, high});
       edge[i] = found->second;
     }
     triangles.push_back(corner);
     triangle_edges.push_back(edge);
     vertex_count = std::max({vertex_count, corner[0] + 1, corner[1] + 1, corner[2] + 1});
   }
+  edge_count = static_cast<int>(ends.size());
+  first_spoke.assign(static_cast<std::size_t>(vertex_count) + 1, 0);
+  for (const auto& [low, high] : ends) ++first_spoke[low + 1], ++first_spoke[high + 1];
+  for (int v = 0; v < vertex_count; ++v) first_spoke[v + 1] += first_spoke[v];
+  spokes.resize(2 * ends.size());
+  std::vector<int> next(first_spoke.begin(), first_spoke.end() - 1);
+  for (int e = 0; e < edge_count; ++e) {
+    const auto [low, high] = ends[e];
+    spokes[next[low]++] = {e, high};
+    spokes[next[high]++] = {e, low};
+  }
 }
 
 SurfaceEquations::SurfaceEquations(const SurfaceTopology* topology)
     : topology_(topology),
       accumulators_(topology->triangles.size() * kStride, 0.0f),
-      slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1) {}
+      is_touched_(topology->triangles.size(), 0),
+      slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1),
+      edge_blocks_(std::size_t{3} * topology->edge_count, 0.0f) {}
 
 void SurfaceEquations::reset() {
-  std::fill(accumulators_.begin(), accumulators_.end(), 0.0f);
+  for (const std::int32_t t : touched_triangles_) {
+    std::fill_n(accumulators_.begin() + std::ptrdiff_t{kStride} * t, kStride, 0.0f);
+    is_touched_[t] = 0;
+  }
+  touched_triangles_.clear();
   vertices_current_ = false;
+}
+
+void SurfaceEquations::touch(std::int32_t triangle) {
+  if (is_touched_[triangle] != 0) return;
+  is_touched_[triangle] = 1;
+  touched_triangles_.push_back(triangle);
 }
 
 void SurfaceEquations::add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy,
                            float m_yy, float v_x, float v_y) {
+  touch(triangle);
+  vertices_current_ = false;
   const float b[3] = {b0, b1, b2};
   const float pair[6] = {b0 * b0, b1 * b1, b2 * b2, b1 * b2, b2 * b0, b0 * b1};
-  float* a = accumulators_.data() + std::size_t{kStride} * triangle;
-  for (int k = 0; k < 6; ++k) {
-    a[3 * k] += pair[k] * m_xx;
-    a[3 * k + 1] += pair[k] * m_xy;
-    a[3 * k + 2] += pair[k] * m_yy;
+  const float m[3] = {m_xx, m_xy, m_yy};
+  float* a = accumulators_.data() + std::ptrdiff_t{kStride} * triangle;
+  for (int j = 0; j < 3; ++j, a += 8) {
+    for (int k = 0; k < 6; ++k) a[k] += pair[k] * m[j];
+    a[6] += b[j] * v_x;
+    a[7] += b[j] * v_y;
   }
-  for (int k = 0; k < 3; ++k) {
-    a[18 + 2 * k] += b[k] * v_x;
-    a[19 + 2 * k] += b[k] * v_y;
-  }
-  vertices_current_ = false;
 }
 
-float* SurfaceEquations::accumulators() {
+float* SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
   vertices_current_ = false;
+  for (const std::int32_t t : triangles) touch(t);
   return accumulators_.data();
 }
 
 const std::vector<int>& SurfaceEquations::touched_vertices() {
   if (vertices_current_) return touched_vertices_;
   std::fill(slot_of_vertex_.begin(), slot_of_vertex_.end(), -1);
-  touched_triangles_.clear();
-  for (std::size_t t = 0; t < topology_->triangles.size(); ++t) {
-    const float* a = accumulators_.data() + kStride * t;
-    // The trace of the sum of the corners' diagonal blocks vanishes only if nothing was added, or
-    // only points with no gradient.
-    if (a[0] + a[2] + a[3] + a[5] + a[6] + a[8] <= 0.0f) continue;
-    touched_triangles_.push_back(static_cast<int>(t));
+  for (const std::int32_t t : touched_triangles_) {
+    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
+    // The trace of the corners' own blocks: zero only where nothing, or nothing with a gradient,
+    // was added.
+    if (a[0] + a[1] + a[2] + a[16] + a[17] + a[18] <= 0.0f) continue;
     for (int vertex : topology_->triangles[t]) slot_of_vertex_[vertex] = 0;
   }
   touched_vertices_.clear();
@@ -80,56 +102,68 @@ const std::vector<int>& SurfaceEquations::touched_vertices() {
   return touched_vertices_;
 }
 
-void SurfaceEquations::assemble(const Motion& motion, double scale, NormalEquations& out) {
-  touched_vertices();
-  const Eigen::Index columns = motion.cols();
-  // Gather the triangles' accumulators into one 2x2 block per vertex and edge.
-  vertex_blocks_.assign(5 * touched_vertices_.size(), 0.0f);
-  edge_blocks_.assign(3 * topology_->edges.size(), 0.0f);
-  touched_edges_.clear();
-  for (int t : touched_triangles_) {
-    const float* a = accumulators_.data() + std::size_t{kStride} * t;
+/// Sums of the triangles' accumulators per vertex and edge.
+void SurfaceEquations::gather_blocks() {
+  self_.assign(touched_vertices_.size(), {});
+  pull_.assign(2 * touched_vertices_.size(), 0.0f);
+  for (const std::int32_t t : touched_triangles_) {
+    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
     for (int k = 0; k < 3; ++k) {
-      float* block = vertex_blocks_.data() + 5 * slot_of_vertex_[topology_->triangles[t][k]];
-      for (int j = 0; j < 3; ++j) block[j] += a[3 * k + j];
-      block[3] += a[18 + 2 * k];
-      block[4] += a[19 + 2 * k];
-      const int edge = topology_->triangle_edges[t][k];
-      float* pair = edge_blocks_.data() + std::size_t{3} * edge;
-      if (pair[0] == 0.0f && pair[2] == 0.0f) touched_edges_.push_back(edge);
-      for (int j = 0; j < 3; ++j) pair[j] += a[9 + 3 * k + j];
+      const int slot = slot_of_vertex_[topology_->triangles[t][k]];
+      if (slot < 0) break;
+      SurfaceCoupling& own = self_[slot];
+      own.xx += a[k], own.xy += a[8 + k], own.yy += a[16 + k];
+      pull_[2 * slot] += a[8 * k + 6], pull_[2 * slot + 1] += a[8 * k + 7];
+      float* edge = edge_blocks_.data() + std::ptrdiff_t{3} * topology_->triangle_edges[t][k];
+      for (int j = 0; j < 3; ++j) edge[j] += a[8 * j + 3 + k];
     }
   }
-  std::sort(touched_edges_.begin(), touched_edges_.end());
-  touched_edges_.erase(std::unique(touched_edges_.begin(), touched_edges_.end()),
-                       touched_edges_.end());
+}
 
-  product_.resize(motion.rows(), columns);
-  Eigen::VectorXf gradient = Eigen::VectorXf::Zero(columns);
-  const auto add_product = [&](int to, int from, const float* m) {
-    product_.row(2 * to) += m[0] * motion.row(2 * from) + m[1] * motion.row(2 * from + 1);
-    product_.row(2 * to + 1) += m[1] * motion.row(2 * from) + m[2] * motion.row(2 * from + 1);
-  };
+/// The blocks of every row of the matrix A, the diagonal one first.
+void SurfaceEquations::list_couplings() {
+  couplings_.clear();
+  first_coupling_.assign(1, 0);
   for (std::size_t i = 0; i < touched_vertices_.size(); ++i) {
-    const int slot = static_cast<int>(i);
-    const float* m = vertex_blocks_.data() + 5 * i;
-    product_.row(2 * slot) = m[0] * motion.row(2 * slot) + m[1] * motion.row(2 * slot + 1);
-    product_.row(2 * slot + 1) = m[1] * motion.row(2 * slot) + m[2] * motion.row(2 * slot + 1);
-    gradient +=
-        m[3] * motion.row(2 * slot).transpose() + m[4] * motion.row(2 * slot + 1).transpose();
+    couplings_.push_back(self_[i]);
+    couplings_.back().slot = static_cast<std::int32_t>(i);
+    const int vertex = touched_vertices_[i];
+    for (int s = topology_->first_spoke[vertex]; s < topology_->first_spoke[vertex + 1]; ++s) {
+      const SurfaceTopology::Spoke& spoke = topology_->spokes[s];
+      const float* edge = edge_blocks_.data() + std::ptrdiff_t{3} * spoke.edge;
+      if (edge[0] == 0.0f && edge[2] == 0.0f) continue;
+      couplings_.push_back({slot_of_vertex_[spoke.other], edge[0], edge[1], edge[2]});
+    }
+    first_coupling_.push_back(static_cast<std::int32_t>(couplings_.size()));
   }
-  for (int edge : touched_edges_) {
-    const int a = slot_of_vertex_[topology_->edges[edge][0]];
-    const int b = slot_of_vertex_[topology_->edges[edge][1]];
-    const float* m = edge_blocks_.data() + std::size_t{3} * edge;
-    add_product(a, b, m);
-    add_product(b, a, m);
+  for (const std::int32_t t : touched_triangles_) {
+    for (int edge : topology_->triangle_edges[t]) {
+      std::fill_n(edge_blocks_.begin() + std::ptrdiff_t{3} * edge, 3, 0.0f);
+    }
   }
-  Eigen::MatrixXf hessian = Eigen::MatrixXf::Zero(columns, columns);
-  hessian.triangularView<Eigen::Lower>() = motion.transpose() * product_;
-  hessian.triangularView<Eigen::StrictlyUpper>() = hessian.transpose();
-  out.hessian += scale * hessian.cast<double>();
-  out.gradient += scale * gradient.cast<double>();
+}
+
+void SurfaceEquations::assemble(const Motion& motion, NormalEquations& out) {
+  touched_vertices();
+  gather_blocks();
+  list_couplings();
+  const auto stride = static_cast<std::size_t>(motion.cols());
+  scratch_.resize(detail::surface_scratch_rows * stride);
+  hessian_.assign(stride * stride, 0.0f);
+  gradient_.assign(stride, 0.0f);
+  const detail::SurfaceSums sums{
+      touched_vertices_.size(), stride,      motion.data(), couplings_.data(),
+      first_coupling_.data(),   pull_.data()};
+  detail::surface_kernel()(sums, scratch_.data(), hessian_.data(), gradient_.data());
+  const Eigen::Index size = out.gradient.size();
+  for (Eigen::Index r = 0; r < size; ++r) {
+    out.gradient[r] += gradient_[r];
+    out.hessian(r, r) += hessian_[r * stride + r];
+    for (Eigen::Index c = 0; c < r; ++c) {
+      out.hessian(r, c) += hessian_[r * stride + c];
+      out.hessian(c, r) += hessian_[r * stride + c];
+    }
+  }
 }
 
 }  // namespace semblance

@@ -213,6 +213,14 @@ void ParameterSpace::tangent_bounds(const Eigen::VectorXd& x0, Eigen::VectorXd& 
   }
 }
 
+Eigen::VectorXd ParameterSpace::tangent_prior_sigma() const {
+  Eigen::VectorXd sigma(tangent_size());
+  for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    sigma.segment(tangent_offsets_[b], tangent_size(blocks_[b])) = blocks_[b].prior_sigma;
+  }
+  return sigma;
+}
+
 Eigen::VectorXd ParameterSpace::tangent_scale() const {
   Eigen::VectorXd scale(tangent_size_);
   for (std::size_t b = 0; b < blocks_.size(); ++b) {

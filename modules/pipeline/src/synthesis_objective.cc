@@ -1,5 +1,6 @@
 #include "semblance/pipeline/synthesis_objective.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -14,7 +15,37 @@ struct SynthesisWorkspace::Buffers {
   SurfaceEquations equations;
   VertexJacobian jacobian;
   SurfaceEquations::Motion motion;
+
+  /// Fills `motion` from `jacobian`.
+  void project(const Camera& camera, std::span<const float> projected,
+               const std::vector<int>& vertices);
 };
+
+void SynthesisWorkspace::Buffers::project(const Camera& camera, std::span<const float> projected,
+                                          const std::vector<int>& vertices) {
+  const Eigen::Index columns = jacobian.cols();
+  motion.resize(2 * static_cast<Eigen::Index>(vertices.size()),
+                SurfaceEquations::padded_columns(columns));
+  const Eigen::Matrix3f rotation =
+      camera.camera_from_world.rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector2f focal = camera.focal_px.cast<float>();
+  const Eigen::Vector2f principal = camera.principal_px.cast<float>();
+  float* out = motion.data();
+  for (const int vertex : vertices) {
+    const float* p = projected.data() + 3 * std::ptrdiff_t{vertex};
+    const float* rows = jacobian.data() + 3 * columns * vertex;
+    for (int axis = 0; axis < 2; ++axis, out += motion.cols()) {
+      // Pixel = f X/Z + c, so d(pixel) = (f dX - (pixel - c) dZ) / Z.
+      const Eigen::RowVector3f from_world =
+          (focal[axis] * rotation.row(axis) - (p[axis] - principal[axis]) * rotation.row(2)) / p[2];
+      for (Eigen::Index k = 0; k < columns; ++k) {
+        out[k] = from_world[0] * rows[k] + from_world[1] * rows[columns + k] +
+                 from_world[2] * rows[2 * columns + k];
+      }
+      std::fill(out + columns, out + motion.cols(), 0.0f);
+    }
+  }
+}
 
 struct SynthesisWorkspace::Pool {
   std::mutex mutex;
@@ -159,27 +190,8 @@ bool SynthesisObjective::normal_equations(const Eigen::VectorXd& x, NormalEquati
   if (!workspace_.model().vertex_jacobian(whole, tangent_columns_, &vertices, buffers->jacobian)) {
     return Objective::normal_equations(x, out);
   }
-  const auto columns = static_cast<Eigen::Index>(tangent_columns_.size());
-  buffers->motion.resize(2 * static_cast<Eigen::Index>(vertices.size()), columns);
-  const Eigen::Matrix3f rotation =
-      camera_.camera_from_world.rotation.toRotationMatrix().cast<float>();
-  const auto fx = static_cast<float>(camera_.focal_px.x());
-  const auto fy = static_cast<float>(camera_.focal_px.y());
-  const auto cx = static_cast<float>(camera_.principal_px.x());
-  const auto cy = static_cast<float>(camera_.principal_px.y());
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    const float* p = projected.data() + 3 * std::ptrdiff_t{vertices[i]};
-    const float inverse_depth = 1.0f / p[2];
-    // Pixel = f X/Z + c, so d(pixel) = (f dX - (pixel - c) dZ) / Z.
-    Eigen::Matrix<float, 2, 3> pixel_from_camera;
-    pixel_from_camera << fx, 0.0f, cx - p[0], 0.0f, fy, cy - p[1];
-    const Eigen::Matrix<float, 2, 3> pixel_from_world =
-        inverse_depth * pixel_from_camera * rotation;
-    const auto moved = buffers->jacobian.middleRows(3 * Eigen::Index{vertices[i]}, 3);
-    buffers->motion.middleRows(2 * static_cast<Eigen::Index>(i), 2).noalias() =
-        pixel_from_world.lazyProduct(moved);
-  }
-  buffers->equations.assemble(buffers->motion, 1.0, out);
+  buffers->project(camera_, projected, vertices);
+  buffers->equations.assemble(buffers->motion, out);
   return true;
 }
 

@@ -1,17 +1,14 @@
 #include "semblance/pipeline/tracking_run.h"
 
 #include <chrono>
-#include <condition_variable>
 #include <cstring>
-#include <deque>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
 #include <optional>
-#include <thread>
 
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
+#include "semblance/pipeline/frame_feed.h"
 
 namespace semblance {
 
@@ -23,119 +20,6 @@ constexpr char kCheckpointMagic[] = "semblance.checkpoint/1\n";
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
-
-/// Where each pixel of the undistorted picture lies in the distorted one.
-class Undistortion {
- public:
-  explicit Undistortion(const Camera& camera) : camera_(camera) {
-    if (camera.lens == Camera::Lens::pinhole) return;
-    const Camera straight = camera.without_distortion();
-    for (int y = 0; y < camera.height; ++y) {
-      for (int x = 0; x < camera.width; ++x) {
-        places_.push_back(project(camera, unproject(straight, {x + 0.5, y + 0.5})).cast<float>());
-      }
-    }
-  }
-  void apply(Image& image) const {
-    if (places_.empty()) return;
-    Image out(image.width, image.height, 3);
-    for (std::size_t i = 0; i < places_.size(); ++i) {
-      sample_bilinear(image, places_[i].x(), places_[i].y(), out.data.data() + 3 * i);
-    }
-    image = std::move(out);
-  }
-  bool active() const { return !places_.empty(); }
-
- private:
-  Camera camera_;
-  std::vector<Eigen::Vector2f> places_;
-};
-
-struct PreparedFrame {
-  int index = 0;
-  Rgb8 picture;
-  Observation observation;
-};
-
-/// Decodes and builds pyramids ahead of the tracker on a thread of its own.
-class FrameFeed {
- public:
-  FrameFeed(VideoSource& video, const Undistortion& undistortion, int levels, int first_tracked)
-      : video_(video),
-        undistortion_(undistortion),
-        levels_(levels),
-        first_tracked_(first_tracked),
-        thread_([this] { run(); }) {}
-  ~FrameFeed() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopped_ = true;
-      changed_.notify_all();
-    }
-    thread_.join();
-  }
-  FrameFeed(const FrameFeed&) = delete;
-
-  std::optional<PreparedFrame> next() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return !ready_.empty() || ended_; });
-    if (ready_.empty()) {
-      if (error_) std::rethrow_exception(error_);
-      return std::nullopt;
-    }
-    PreparedFrame frame = std::move(ready_.front());
-    ready_.pop_front();
-    changed_.notify_all();
-    return frame;
-  }
-  double busy_s() const { return busy_s_; }
-
- private:
-  static constexpr std::size_t kAhead = 6;
-
-  void run() {
-    try {
-      while (true) {
-        const auto begin = Clock::now();
-        PreparedFrame frame;
-        frame.index = video_.position();
-        if (!video_.next(frame.picture)) break;
-        if (frame.index >= first_tracked_ || undistortion_.active()) {
-          Image linear = linear_from_rgb8(frame.picture);
-          if (undistortion_.active()) {
-            undistortion_.apply(linear);
-            frame.picture = rgb8_from_linear(linear);
-          }
-          if (frame.index >= first_tracked_) {
-            frame.observation = make_observation(std::move(linear), levels_);
-          }
-        }
-        busy_s_ += seconds_since(begin);
-        std::unique_lock lock(mutex_);
-        changed_.wait(lock, [this] { return ready_.size() < kAhead || stopped_; });
-        if (stopped_) break;
-        ready_.push_back(std::move(frame));
-        changed_.notify_all();
-      }
-    } catch (...) {
-      error_ = std::current_exception();
-    }
-    const std::lock_guard lock(mutex_);
-    ended_ = true;
-    changed_.notify_all();
-  }
-
-  VideoSource& video_;
-  const Undistortion& undistortion_;
-  int levels_, first_tracked_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<PreparedFrame> ready_;
-  bool ended_ = false, stopped_ = false;
-  std::exception_ptr error_;
-  double busy_s_ = 0.0;
-  std::thread thread_;  // last: starts when all else is there
-};
 
 /// checkpoint.bin: magic, the number of frames done, then the tracker's state.
 void save_checkpoint(const std::filesystem::path& path, std::int32_t frames_done,
@@ -168,8 +52,9 @@ std::vector<TrackFrame> cut_results(const std::string& path, const TrackHeader& 
                                     std::size_t frames) {
   Track track = read_track(path);
   if (track.header.value("config", nlohmann::json()) != header.config) {
-    throw InvalidInput(path + ": was made with other settings, so it cannot be resumed; use the same "
-                              "options, or another output folder");
+    throw InvalidInput(path +
+                       ": was made with other settings, so it cannot be resumed; use the same "
+                       "options, or another output folder");
   }
   if (track.frames.size() < frames) {
     throw InvalidInput(path + ": has fewer frames than its checkpoint; run without --resume");
@@ -196,12 +81,12 @@ void count(const TrackFrame& frame, TrackingOutcome& outcome) {
 TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, const FrameSink& sink,
                              Progress& progress) {
   const auto begin = Clock::now();
-  VideoSource video(run.video);
-  const VideoInfo& info = video.info();
+  const VideoInfo info = VideoSource(run.video).info();
   if (info.width != run.camera.width || info.height != run.camera.height) {
     throw InvalidInput(run.video + ": its pictures are " + std::to_string(info.width) + " x " +
                        std::to_string(info.height) + " but the camera is calibrated for " +
-                       std::to_string(run.camera.width) + " x " + std::to_string(run.camera.height) +
+                       std::to_string(run.camera.width) + " x " +
+                       std::to_string(run.camera.height) +
                        "; give the camera file of this video size");
   }
   const std::filesystem::path folder(run.folder);
@@ -218,9 +103,8 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
     writer.emplace(results, run.header);
   }
 
-  const Undistortion undistortion(run.camera);
   const int first = static_cast<int>(earlier.size());
-  FrameFeed feed(video, undistortion, tracker.pyramid_levels(), first);
+  FrameFeed feed(run.video, run.camera, tracker.pyramid_levels(), first);
   TrackingOutcome outcome;
   progress.begin("tracking", info.frame_count);
   while (std::optional<PreparedFrame> frame = feed.next()) {

@@ -35,6 +35,10 @@ void run_track_face(const Context& context, const FaceTrackingOptions& options) 
   fmt::print("results in {}: track.jsonl track.csv{} face.glb report.html\n", options.folder,
              options.overlay ? " overlay.mp4" : "");
   if (o.cancelled) fmt::print("go on with the same command and --resume\n");
+  if (summary.focal_sigma_px) {
+    fmt::print("estimated focal length {:.0f} px, deviation {:.0f} px\n", summary.focal_px,
+               *summary.focal_sigma_px);
+  }
   write_summary(context, summary_json(summary).dump(2));
 }
 

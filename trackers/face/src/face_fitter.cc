@@ -17,6 +17,8 @@ namespace {
 constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
 constexpr int kTextureSize = 256;
 constexpr std::size_t kRefinedStarts = 4;
+constexpr double kGenericCorrelation_px2 = 40.0;
+constexpr double kRestingExpression = 0.4;  // of the prior's width: first frames are mostly calm
 
 std::vector<int> pose_blocks() { return {0, 1}; }
 
@@ -38,6 +40,16 @@ double eye_distance_px(const Camera& camera, const Eigen::VectorXd& x) {
 int level_for(const Observation& observation, double eyes_px, double wanted_px) {
   const int level = static_cast<int>(std::floor(std::log2(std::max(eyes_px / wanted_px, 1.0))));
   return std::min(level, static_cast<int>(observation.levels.size()) - 1);
+}
+
+/// The declared priors, with expressions held nearer to rest.
+PriorCost calm_prior(const ParameterSpace& space, int identity_count) {
+  Eigen::VectorXd sigma = space.tangent_prior_sigma();
+  const Eigen::Index first_expression = 6 + identity_count;
+  if (sigma.size() > first_expression) {
+    sigma.tail(sigma.size() - first_expression) *= kRestingExpression;
+  }
+  return PriorCost(space.initial(), sigma);
 }
 
 /// How far the pose may be from where the detector or the marks put it.
@@ -83,6 +95,9 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
   PhotometricOptions photometric;
   photometric.sigma = stage.photometric_sigma;
   photometric.robust_width = 2.0;
+  // What a face without texture leaves unexplained is alike over whole cheeks.
+  photometric.correlation_area_px =
+      std::max(4.0, kGenericCorrelation_px2 * level.scale * level.scale);
   std::vector<LandmarkTarget> targets;
   for (const FaceMark& mark : marks) {
     const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
@@ -107,7 +122,7 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
     });
     const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
     SynthesisObjective shape_of_prior(workspace_, fit.x, free, fit.light, camera, {});
-    const PriorCost prior(shape_of_prior.space());
+    const PriorCost prior = calm_prior(shape_of_prior.space(), model_.shape().identity_count);
     const PriorCost near_start = start_prior(shape_of_prior.space(), full_camera, start);
     std::vector<const Cost*> costs = {&cost, &prior, &near_start};
     if (!marks.empty()) costs.push_back(&landmarks);

@@ -26,7 +26,8 @@ constexpr double kTranslationPerFrame_m = 0.012;
 constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
 constexpr double kVelocityDamping = 0.7;
 constexpr double kGatherTurn = 0.08;  // rad of turning after which new surface may be in view
-constexpr int kFirstViews = 1;
+constexpr int kFirstViews =
+    8;  // after a first fit, all are gathered: their mean is less noisy than one
 
 // A frame is believed when the synthetic picture resembles the observed one.
 constexpr double kLeastCorrelation = 0.65;
@@ -44,6 +45,7 @@ struct State {
   Eigen::VectorXd velocity;  // of the pose, tangent, per frame
   ShLight light;
   double sigma = 0.03, correlation_area_px = 8.0;
+  double views = 0.0;                // gathered so far
   double pixels_at_one_metre = 0.0;  // visible pixels times depth squared at the first fit
   Eigen::Vector4d gathered_at = Eigen::Vector4d::Zero();
 };
@@ -90,9 +92,9 @@ struct FaceTracker::Impl {
   Impl(MorphShape shape, const Camera& camera_in, const FaceTrackerOptions& options_in)
       : generic(std::move(shape)), fitter(generic), camera(camera_in), options(options_in) {
     OptimizerOptions gradient;
-    gradient.max_iterations = 6;
-    gradient.step_tolerance = 5e-3;
-    gradient.cost_tolerance = 1e-4;
+    gradient.max_iterations = 5;
+    gradient.step_tolerance = 1e-2;
+    gradient.cost_tolerance = 1e-3;
     gradient.seed = options.seed;
     gradient.search_radius = 0.3;
     gradient.max_evaluations = 1500;
@@ -120,6 +122,9 @@ struct FaceTracker::Impl {
   void judge(const Camera& at, Attempt& attempt) const;
   void gather(const Observation& observation, const Attempt& attempt, bool first);
   TrackFrame report(int frame, double time_s, TrackStatus status, const Attempt& attempt) const;
+  /// Pose, parameters, deviations and landmarks of a line.
+  void write_estimate(const Eigen::VectorXd& x, const Eigen::Matrix3d& rotation_covariance,
+                      const Eigen::VectorXd& tangent_sigma, TrackFrame& out) const;
   double depth(const Eigen::VectorXd& x) const {
     return (camera.camera_from_world * Eigen::Vector3d(x.segment<3>(4))).z();
   }
@@ -312,6 +317,7 @@ void FaceTracker::Impl::gather(const Observation& observation, const Attempt& at
     }
   });
   state.gathered_at = attempt.x.head<4>();
+  state.views += 1.0;
 }
 
 TrackFrame FaceTracker::Impl::report(int frame, double time_s, TrackStatus status,
@@ -324,45 +330,47 @@ TrackFrame FaceTracker::Impl::report(int frame, double time_s, TrackStatus statu
     if (!attempt.reason.empty()) out.extra["reason"] = attempt.reason;
     return out;
   }
+  const Eigen::Index size = attempt.equations.hessian.rows();
+  const Eigen::MatrixXd covariance =
+      attempt.equations.hessian.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  write_estimate(attempt.x, covariance.topLeftCorner<3, 3>(), covariance.diagonal().cwiseSqrt(),
+                 out);
+  out.residual_rms = attempt.statistics.rms;
+  out.inlier_fraction = attempt.statistics.inlier_fraction;
+  out.extra["correlation"] = attempt.statistics.correlation;
+  return out;
+}
+
+void FaceTracker::Impl::write_estimate(const Eigen::VectorXd& x,
+                                       const Eigen::Matrix3d& rotation_covariance,
+                                       const Eigen::VectorXd& tangent_sigma,
+                                       TrackFrame& out) const {
   const ParameterSpace& all = generic.parameters();
   const Eigen::Index identities = state.identity.size();
   const Eigen::Index expressions = all.size() - 7 - identities;
   out.x.resize(all.size());
-  out.x << attempt.x.head<7>(), state.identity, attempt.x.tail(expressions);
-  const Eigen::MatrixXd covariance =
-      attempt.equations.hessian.ldlt().solve(Eigen::MatrixXd::Identity(
-          attempt.equations.hessian.rows(), attempt.equations.hessian.cols()));
-  out.sigma = Eigen::VectorXd::Constant(all.size(), std::numeric_limits<double>::quiet_NaN());
+  out.x << x.head<7>(), state.identity, x.tail(expressions);
   // q(d) = exp(d) q: its derivative at d = 0 maps rotation vectors to quaternion entries.
-  const Eigen::Vector4d q = attempt.x.head<4>();
+  const Eigen::Vector4d q = x.head<4>();
   Eigen::Matrix<double, 4, 3> lift;
   lift << -q[1], -q[2], -q[3], q[0], q[3], -q[2], -q[3], q[0], q[1], q[2], -q[1], q[0];
   lift *= 0.5;
-  out.sigma.head<4>() =
-      (lift * covariance.topLeftCorner<3, 3>() * lift.transpose()).diagonal().cwiseSqrt();
-  out.sigma.segment<3>(4) = covariance.diagonal().segment<3>(3).cwiseSqrt();
-  out.sigma.segment(7, identities) = state.identity_sigma;
-  out.sigma.tail(expressions) = covariance.diagonal().tail(expressions).cwiseSqrt();
+  out.sigma.resize(all.size());
+  out.sigma << (lift * rotation_covariance * lift.transpose()).diagonal().cwiseSqrt(),
+      tangent_sigma.segment<3>(3), state.identity_sigma, tangent_sigma.tail(expressions);
   out.rotation_wxyz = q;
-  out.translation_m = attempt.x.segment<3>(4);
-  out.residual_rms = attempt.statistics.rms;
-  out.inlier_fraction = attempt.statistics.inlier_fraction;
-  out.extra["correlation"] = attempt.statistics.correlation;
-  const SynthesisObjective probe(person->workspace, attempt.x, free_blocks(), attempt.light, camera,
-                                 {});
-  probe.with_synthesis(probe.restrict_to_free(attempt.x), [&](const Synthesis& synthesis) {
-    for (const ModelLandmark& landmark : person->model.landmarks()) {
-      Eigen::Vector3f p = Eigen::Vector3f::Zero();
-      for (int k = 0; k < 3; ++k) {
-        const int corner =
-            person->topology.triangles[static_cast<std::size_t>(landmark.triangle)][k];
-        p += landmark.barycentric[k] *
-             synthesis.scene.objects[0].positions_m.row(corner).transpose();
-      }
-      out.landmarks_px.push_back(project_world(camera, p.cast<double>()));
+  out.translation_m = x.segment<3>(4);
+  Scene scene;
+  person->model.synthesize(x, scene);
+  out.landmarks_px.clear();
+  for (const ModelLandmark& landmark : person->model.landmarks()) {
+    const auto& corners = person->topology.triangles[static_cast<std::size_t>(landmark.triangle)];
+    Eigen::Vector3f p = Eigen::Vector3f::Zero();
+    for (int k = 0; k < 3; ++k) {
+      p += landmark.barycentric[k] * scene.objects[0].positions_m.row(corners[k]).transpose();
     }
-  });
-  return out;
+    out.landmarks_px.push_back(project_world(camera, p.cast<double>()));
+  }
 }
 
 FaceTracker::FaceTracker(MorphShape shape, const Camera& camera, const FaceTrackerOptions& options)
@@ -395,6 +403,51 @@ void FaceTracker::pose_scene(const TrackFrame& frame, Scene& scene) const {
   Eigen::VectorXd x(frame.x.size() - identities);
   x << frame.x.head<7>(), frame.x.tail(frame.x.size() - 7 - identities);
   impl_->person->model.synthesize(x, scene);
+}
+
+const ParameterSpace& FaceTracker::frame_parameters() const {
+  if (!impl_->person) throw SolverError("no face was found yet");
+  return impl_->person->model.parameters();
+}
+
+ClipFrame FaceTracker::linearize(const TrackFrame& frame, const Observation& observation) const {
+  ClipFrame out;
+  if (frame.status == TrackStatus::lost) return out;
+  const Impl& m = *impl_;
+  const Eigen::Index identities = m.state.identity.size();
+  out.x.resize(frame.x.size() - identities);
+  out.x << frame.x.head<7>(), frame.x.tail(frame.x.size() - 7 - identities);
+  const std::vector<int> free = m.free_blocks();
+  const ObservationLevel& level = observation.levels.front();
+  PhotometricOptions photometric;
+  photometric.sigma = m.state.sigma;
+  photometric.correlation_area_px = std::max(1.0, m.state.correlation_area_px);
+  ShLight light = m.state.light;
+  const SynthesisObjective probe(m.person->workspace, out.x, free, light, m.camera, {});
+  probe.with_synthesis(out.x, [&](const Synthesis& synthesis) {
+    photometric.texture_level =
+        matching_texture_level(synthesis, m.person->appearance, m.person->topology);
+    const PhotometricCost cost(&level, &m.person->appearance, &m.person->topology,
+                               &m.person->triangle_weight, photometric);
+    light = estimate_light(synthesis, level, m.person->appearance, m.person->topology,
+                           cost.statistics(synthesis).pixel_weight,
+                           {.pull = 0.05, .order = 2, .stride = 3});
+  });
+  const PhotometricCost cost(&level, &m.person->appearance, &m.person->topology,
+                             &m.person->triangle_weight, photometric);
+  const PriorCost prior(probe.space());
+  const SynthesisObjective objective(m.person->workspace, out.x, free, light, m.camera,
+                                     {&cost, &prior});
+  NormalEquations equations;
+  if (objective.normal_equations(out.x, equations)) out.model = std::move(equations);
+  return out;
+}
+
+void FaceTracker::replace_estimate(const SmoothedFrame& smoothed, TrackFrame& frame) const {
+  if (smoothed.state == SmoothedState::lost) return;
+  const Eigen::Matrix3d rotation_covariance =
+      smoothed.sigma.head<3>().cwiseAbs2().asDiagonal().toDenseMatrix();
+  impl_->write_estimate(smoothed.x, rotation_covariance, smoothed.sigma, frame);
 }
 
 TrackFrame FaceTracker::track(int frame, double time_s, const Observation& observation) {
@@ -441,7 +494,8 @@ TrackFrame FaceTracker::track(int frame, double time_s, const Observation& obser
   s.correlation_area_px = 0.9 * s.correlation_area_px + 0.1 * std::clamp(area, 1.0, 100.0);
   const TrackFrame out = m.report(frame, time_s, status, attempt);
   const double cosine = std::min(1.0, std::abs(s.gathered_at.dot(attempt.x.head<4>())));
-  if (2.0 * std::acos(cosine) > kGatherTurn && attempt.statistics.inlier_fraction > 0.8) {
+  if ((s.views < kFirstViews || 2.0 * std::acos(cosine) > kGatherTurn) &&
+      attempt.statistics.inlier_fraction > 0.75) {
     m.gather(observation, attempt, false);
   }
   return out;
@@ -456,8 +510,8 @@ void FaceTracker::save_state(std::ostream& out) const {
   write_vector(out, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity_sigma.size()));
   write_vector(out, s.x.data(), static_cast<std::uint64_t>(s.x.size()));
   write_vector(out, s.velocity.data(), 6);
-  const double scalars[3] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre};
-  write_vector(out, scalars, 3);
+  const double scalars[4] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre, s.views};
+  write_vector(out, scalars, 4);
   write_vector(out, s.gathered_at.data(), 4);
   Eigen::Matrix<double, 27, 1> light;
   for (int k = 0; k < 9; ++k) light.segment<3>(3 * k) = s.light.coefficients[k].cast<double>();
@@ -485,11 +539,12 @@ void FaceTracker::restore_state(std::istream& in, const std::string& source) {
     read_vector(in, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity.size()), source);
     read_vector(in, s.x.data(), static_cast<std::uint64_t>(s.x.size()), source);
     read_vector(in, s.velocity.data(), 6, source);
-    double scalars[3];
-    read_vector(in, scalars, 3, source);
+    double scalars[4];
+    read_vector(in, scalars, 4, source);
     s.sigma = scalars[0];
     s.correlation_area_px = scalars[1];
     s.pixels_at_one_metre = scalars[2];
+    s.views = scalars[3];
     read_vector(in, s.gathered_at.data(), 4, source);
     Eigen::Matrix<double, 27, 1> light;
     read_vector(in, light.data(), 27, source);

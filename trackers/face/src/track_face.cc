@@ -3,8 +3,10 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <optional>
 
+#include "face_clip.h"
 #include "semblance/core/errors.h"
 #include "semblance/face/face_tracker.h"
 #include "semblance/io/camera_io.h"
@@ -12,6 +14,7 @@
 #include "semblance/models/load_face.h"
 #include "semblance/pipeline/contact_sheet.h"
 #include "semblance/pipeline/face_export.h"
+#include "semblance/pipeline/frame_feed.h"
 #include "semblance/pipeline/overlay.h"
 #include "semblance/pipeline/report.h"
 
@@ -90,17 +93,36 @@ TrackHeader header_for(const FaceTrackingOptions& options, const FaceTracker& tr
   return header;
 }
 
+/// Smooths the forward pass and replaces track.jsonl by the result.
+void smooth_results(const std::string& video, const FaceTracker& tracker, const Camera& camera,
+                    const TrackHeader& header, const fs::path& folder, Progress& progress) {
+  const std::string path = (folder / "track.jsonl").string();
+  std::vector<TrackFrame> frames = read_track(path).frames;
+  smooth_track(video, tracker, camera, frames, progress);
+  const std::string partial = (folder / "track.smooth.partial").string();
+  TrackWriter writer(partial, header);
+  for (const TrackFrame& frame : frames) writer.write(frame);
+  fs::rename(partial, path);
+  fs::remove(folder / "checkpoint.bin");  // belongs to the forward pass
+}
+
 }  // namespace
 
 FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& progress) {
   const auto begin = std::chrono::steady_clock::now();
   const VideoInfo info = VideoSource(options.video).info();
-  const Camera camera = camera_for(options, info);
+  Camera camera = camera_for(options, info);
   const MorphShape shape = load_face(options.model);
   FaceTrackerOptions tracking;
   tracking.optimizer = options.optimizer;
   tracking.seed = options.seed;
   tracking.face = options.face;
+  FaceTrackingSummary summary;
+  if (options.estimate_focal && options.camera.empty()) {
+    const FocalEstimate focal = estimate_focal(options.video, shape, tracking, progress);
+    camera.focal_px.setConstant(focal.focal_px);
+    summary.focal_sigma_px = focal.sigma_px;
+  }
   if (!options.points.empty()) {
     tracking.first_marks = marks_from(options.points, shape.landmarks.size(), camera);
   }
@@ -125,17 +147,29 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
         [&](const Rgb8& picture, const TrackFrame& track) { pictures.add(picture, track); });
   }
   Scene scene;
-  const FrameSink sink = [&](const Rgb8& picture, const TrackFrame& frame) {
+  const FrameSink draw = [&](const Rgb8& picture, const TrackFrame& frame) {
     if (!overlay) return;
     if (frame.status != TrackStatus::lost) tracker.pose_scene(frame, scene);
     overlay->write(picture, scene, frame);
   };
+  // A smoothed clip is drawn when it is smooth.
+  const FrameSink sink = options.smooth ? FrameSink([](const Rgb8&, const TrackFrame&) {}) : draw;
 
-  FaceTrackingSummary summary;
   summary.focal_px = camera.focal_px.x();
   summary.outcome = run_tracking(run, tracker, sink, progress);
-  if (overlay) overlay->close();
+  if (options.smooth && !summary.outcome.cancelled && tracker.has_identity()) {
+    smooth_results(options.video, tracker, camera, run.header, folder, progress);
+  }
   const Track track = read_track((folder / "track.jsonl").string());
+  if (options.smooth && !summary.outcome.cancelled) {
+    int index = 0;
+    FrameFeed feed(options.video, camera, 0, std::numeric_limits<int>::max());
+    while (std::optional<PreparedFrame> frame = feed.next()) {
+      if (index >= static_cast<int>(track.frames.size())) break;
+      draw(frame->picture, track.frames[static_cast<std::size_t>(index++)]);
+    }
+  }
+  if (overlay) overlay->close();
   write_track_csv((folder / "track.csv").string(), track);
   if (tracker.has_identity()) {
     write_face_glb((folder / "face.glb").string(), shape, tracker.texture(), track);

@@ -22,8 +22,8 @@ struct AlbedoPyramid {
   std::vector<Level> levels;
 };
 
-/// Albedo by inverse mapping. Each texel keeps the colour of the first view that saw it well:
-/// that anchors the texture, so that small errors of later poses cannot accumulate into drift.
+/// Albedo by inverse mapping. Each texel is the mean of the first views that saw it and then never
+/// changes: that anchors the texture, so that small errors of later poses cannot become drift.
 class Appearance {
  public:
   /// `vertex_colour`: linear albedo assumed where no image has shown the surface yet;
@@ -31,10 +31,10 @@ class Appearance {
   Appearance(const Mesh& mesh, int texture_size, const PointsF& vertex_colour,
              const std::vector<float>& prior_confidence);
 
-  /// Writes what `observed` shows of the posed `object` through `camera` into texels that no
-  /// earlier view showed better. A view counts by the cosine between normal and ray, squared, times
-  /// the inlier weight of the pixel (`pixel_weight` per pixel of `pixels`). A texel once written
-  /// with a count of at least 0.5 is never written again.
+  /// Averages what `observed` shows of the posed `object` through `camera` into the texels that are
+  /// not final yet. A view counts by the squared cosine between normal and ray times the inlier
+  /// weight of the pixel (`pixel_weight` per entry of `pixels`); a texel is final once its views
+  /// count 4 in sum.
   void gather(const Image& observed_linear, const SceneObject& object, const Camera& camera,
               const ShLight& light, const VisiblePixels& pixels,
               const std::vector<float>& pixel_weight);

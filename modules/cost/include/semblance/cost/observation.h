@@ -11,15 +11,15 @@ namespace semblance {
 /// on that scale, and the root of albedo times light is the product of roots.
 float encode_intensity(float linear);
 
-/// One level of an image pyramid. Per pixel 12 floats: encoded red, green, blue, 0, their
-/// derivatives in x (per pixel), 0, their derivatives in y, 0. Derivatives are central differences
-/// at the pixel's centre (one-sided ones stall the solver at 0.4 px).
+/// One level of an image pyramid. Derivatives are central differences at the pixel's centre
+/// (one-sided ones stall the solver at 0.4 px).
 struct ObservationLevel {
   int width = 0, height = 0;
-  double scale = 1.0;  // pixels of this level per pixel of the full image
-  std::vector<float> records;
+  double scale = 1.0;           // pixels of this level per pixel of the full image
+  std::vector<float> encoded;   // 4 per pixel: encoded red, green, blue, 0
+  std::vector<float> gradient;  // 8 per pixel: derivatives per pixel in x, 0, in y, 0
 
-  const float* record(int pixel) const { return records.data() + std::size_t{12} * pixel; }
+  const float* colour(int pixel) const { return encoded.data() + std::size_t{4} * pixel; }
 };
 
 /// Pyramid of an image: level 0 is the full size, each further one half.

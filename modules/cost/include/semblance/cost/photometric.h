@@ -25,14 +25,16 @@ struct PhotometricOptions {
 int matching_texture_level(const Synthesis& synthesis, const Appearance& appearance,
                            const SurfaceTopology& topology);
 
-/// Colours of the visible pixels, 4 floats each: encoded red, green, blue, confidence.
+/// The visible pixels, 4 floats each: encoded red, green, blue, and weight (the albedo's confidence
+/// times the triangle's weight).
 struct ShadedPixels {
   std::vector<float> colour;
 };
 
 /// Residual per pixel and channel: encode(albedo * light) - encode(observed), in encoded intensity.
-/// The cost is the weighted mean of Geman-McClure's rho over the visible pixels of the scene's
-/// first object, times `reference_pixels`: hiding a bad pixel gains nothing.
+/// The cost is the weighted mean of Geman-McClure's rho over the visible pixels of the scene's only
+/// object, times `reference_pixels`: hiding a bad pixel gains nothing. Throws InvalidInput for
+/// scenes of several objects and textures smaller than 2 x 2.
 class PhotometricCost : public Cost {
  public:
   PhotometricCost(const ObservationLevel* observation, const Appearance* appearance,
@@ -44,8 +46,8 @@ class PhotometricCost : public Cost {
   double evaluate(const Synthesis& synthesis, SurfaceEquations* surface,
                   NormalEquations* direct) const override;
 
-  /// The synthetic picture at the visible pixels.
-  void shade(const Synthesis& synthesis, ShadedPixels& out) const;
+  /// The synthetic picture at the visible pixels. Returns the sum of the weights.
+  double shade(const Synthesis& synthesis, ShadedPixels& out) const;
 
   /// Facts about the fit at one synthesis.
   struct Statistics {
@@ -73,8 +75,8 @@ struct LightOptions {
   int stride = 1;      // uses every stride-th pixel
 };
 
-/// Light that explains the observation best: weighted least squares on the linear scale, with weights
-/// that undo the encoding. `pixel_weight` has one entry per visible pixel.
+/// Light that explains the observation best: weighted least squares on the linear scale, with
+/// weights that undo the encoding. `pixel_weight` has one entry per visible pixel.
 ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
                        const Appearance& appearance, const SurfaceTopology& topology,
                        const std::vector<float>& pixel_weight, const LightOptions& options);

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "semblance/core/mesh.h"
+#include "semblance/cost/surface_coupling.h"
 #include "semblance/optim/objective.h"
 
 namespace semblance {
@@ -18,7 +21,12 @@ struct SurfaceTopology {
   int vertex_count = 0;
   std::vector<std::array<int, 3>> triangles;
   std::vector<std::array<int, 3>> triangle_edges;  // opposite corner 0, 1, 2
-  std::vector<std::array<int, 2>> edges;
+  int edge_count = 0;
+  struct Spoke {
+    int edge, other;  // the vertex at the edge's other end
+  };
+  std::vector<Spoke> spokes;     // grouped by vertex
+  std::vector<int> first_spoke;  // per vertex, and one more
 };
 
 /// Sums J'WJ and J'Wr of residuals whose value depends on where a surface point appears in the
@@ -33,30 +41,46 @@ class SurfaceEquations {
   explicit SurfaceEquations(const SurfaceTopology* topology);
 
   void reset();
-  /// m = [m_xx m_xy; m_xy m_yy] and v per pixel^2 and pixel.
+  /// m = [m_xx m_xy; m_xy m_yy], positive semidefinite, and v = m times a displacement, per pixel^2
+  /// and pixel.
   void add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy, float m_yy,
            float v_x, float v_y);
-  /// 24 sums per triangle, for code that adds many points: for the corner pairs 00, 11, 22, 12, 20,
-  /// 01 the sums of b_i b_j (m_xx, m_xy, m_yy), then for each corner those of b_i (v_x, v_y).
-  float* accumulators();
-  /// Vertices that any added point touches, ascending: the only ones whose motion matters.
+  /// For code that adds many points: 24 sums per triangle of the topology, of which those of the
+  /// given triangles (with repetition) may be changed. Float 8 j + k is the sum of entry j of
+  /// (m_xx, m_xy, m_yy) times b_i b_j of the corner pair k of 00, 11, 22, 12, 20, 01; floats 8 j +
+  /// 6 and 8 j + 7 are the sums of b_j (v_x, v_y).
+  float* accumulators(std::span<const std::int32_t> triangles);
+  /// Vertices of triangles where the sum of m is not zero, ascending: the only ones whose motion
+  /// matters.
   const std::vector<int>& touched_vertices();
 
-  /// Adds scale * H and scale * g to `out`. `motion` holds, for vertex k = touched_vertices()[i],
-  /// rows 2 i and 2 i + 1: derivatives of its x and y pixel with respect to the parameters.
   using Motion = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  void assemble(const Motion& motion, double scale, NormalEquations& out);
+  /// Columns that a Motion should have for so many parameters: those past the last one hold zero.
+  static Eigen::Index padded_columns(Eigen::Index parameters) { return (parameters + 7) / 8 * 8; }
+  /// Adds H and g to `out`, whose size is the number of parameters. `motion` holds, for vertex
+  /// k = touched_vertices()[i], rows 2 i and 2 i + 1: derivatives of its x and y pixel with respect
+  /// to the parameters. It has padded_columns() columns.
+  void assemble(const Motion& motion, NormalEquations& out);
 
  private:
-  static constexpr int kStride = 24;  // 6 corner pairs x 3 entries of m, 3 corners x 2 of v
+  static constexpr int kStride = 24;
+  void touch(std::int32_t triangle);
+  void gather_blocks();
+  void list_couplings();
 
   const SurfaceTopology* topology_;
-  std::vector<float> accumulators_;  // kStride per triangle
-  std::vector<int> touched_triangles_, touched_edges_, touched_vertices_;
+  std::vector<float> accumulators_;       // kStride per triangle, zero where not touched
+  std::vector<std::uint8_t> is_touched_;  // per triangle
+  std::vector<std::int32_t> touched_triangles_;
+  std::vector<int> touched_vertices_;
   std::vector<int> slot_of_vertex_;  // index into touched_vertices_, -1 where untouched
   bool vertices_current_ = false;
-  std::vector<float> vertex_blocks_, edge_blocks_;
-  Motion product_;
+  std::vector<float> edge_blocks_;          // per edge: m, zero between calls
+  std::vector<float> pull_;                 // per touched vertex: v
+  std::vector<SurfaceCoupling> self_;       // per touched vertex
+  std::vector<SurfaceCoupling> couplings_;  // grouped by touched vertex
+  std::vector<std::int32_t> first_coupling_;
+  std::vector<float> scratch_, hessian_, gradient_;
 };
 
 }  // namespace semblance

@@ -60,6 +60,8 @@ class ParameterSpace {
   /// Tangent bounds of d for steps from x0: upper - x0 and lower - x0; +-pi for rotations.
   void tangent_bounds(const Eigen::VectorXd& x0, Eigen::VectorXd& lower,
                       Eigen::VectorXd& upper) const;
+  /// The declared prior deviations, in the tangent space (infinite where there is no prior).
+  Eigen::VectorXd tangent_prior_sigma() const;
   /// Typical size of a step in each tangent direction: the prior sigma where finite, else a tenth
   /// of the range, else 0.1.
   Eigen::VectorXd tangent_scale() const;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "semblance/face/face_fitter.h"
+#include "semblance/pipeline/clip_smoother.h"
 #include "semblance/pipeline/tracking_run.h"
 
 namespace semblance {
@@ -46,6 +47,13 @@ class FaceTracker : public FrameTracker {
   Image texture() const;
   /// The posed scene of a tracked frame, for overlays.
   void pose_scene(const TrackFrame& frame, Scene& scene) const;
+
+  /// For a whole-clip solve: the parameters of one frame of this person (pose and expression), the
+  /// image's Gauss-Newton model around a frame's estimate (without temporal terms), and the line
+  /// of a frame with the solve's estimate in place of the tracker's. A lost frame stays lost.
+  const ParameterSpace& frame_parameters() const;
+  ClipFrame linearize(const TrackFrame& frame, const Observation& observation) const;
+  void replace_estimate(const SmoothedFrame& smoothed, TrackFrame& frame) const;
 
   void save_state(std::ostream& out) const override;
   void restore_state(std::istream& in, const std::string& source) override;

@@ -34,7 +34,8 @@ constexpr double kDefaultFocal = 1.05;
 struct FaceTrackingSummary {
   TrackingOutcome outcome;
   double focal_px = 0.0;
-  double frames_per_second = 0.0;  // of the whole run, with decoding and writing
+  std::optional<double> focal_sigma_px;  // where it was estimated
+  double frames_per_second = 0.0;        // of the whole run, with decoding and writing
 };
 
 /// Writes track.jsonl, track.csv, overlay.mp4, face.glb and report.html into the folder. A
