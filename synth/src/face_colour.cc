@@ -104,7 +104,7 @@ PersonLook draw_person(Random& random, double skin_tone, double stubble) {
   look.iris = irises[random.integer(look.skin_tone > 0.6f ? 5 : 2)];
   const std::array<Vector3f, 6> cloths = {linear_rgb(46, 58, 92),    linear_rgb(120, 124, 128),
                                           linear_rgb(34, 36, 38),    linear_rgb(142, 52, 48),
-                                          linear_rgb(196, 192, 180), linear_rgb(62, 96, 74)};
+                                          linear_rgb(148, 144, 134), linear_rgb(62, 96, 74)};
   look.cloth = cloths[random.integer(6)];
   return look;
 }

@@ -89,7 +89,9 @@ struct Stage {
     Random person(spec.seed, 21), light(spec.seed, 22);
     look = draw_person(person, spec.look.skin_tone, spec.look.stubble);
     model = std::make_shared<const MorphModel>(MorphModel(load_model(spec)));
-    head.emplace(model, look, spec.model);
+    // Three texels or more per pixel at the closest approach.
+    const double closest_m = spec.motion.distance_m - spec.motion.distance_range_m - 0.05;
+    head.emplace(model, look, 0.33 * std::max(0.05, closest_m) / spec.focal_px, spec.model);
     motion.emplace(spec, *model);
     float exposure = 1;
     lighting = draw_lighting(spec, look, light, exposure);

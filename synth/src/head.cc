@@ -71,7 +71,7 @@ void for_each_texel(const std::array<Vector2f, 3>& p, int width, int height, con
 }  // namespace
 
 SynthHead::SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look,
-                     const std::string& source)
+                     double texel_m, const std::string& source)
     : model_(std::move(model)) {
   const MorphShape& shape = model_->shape();
   if (shape.landmarks.size() != 68)
@@ -94,7 +94,7 @@ SynthHead::SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& 
   weld();
   split(look);
   grow_hair(colour, look);
-  bake_skin(colour);
+  bake_skin(colour, texel_m);
   for (Piece& piece : pieces_)
     if (piece.name == "left_eye" || piece.name == "right_eye") bake_eye(piece, colour);
   build_torso(look);
@@ -198,7 +198,7 @@ void SynthHead::grow_hair(const FaceColour& colour, const PersonLook& look) {
   }
 }
 
-void SynthHead::bake_skin(const FaceColour& colour) {
+void SynthHead::bake_skin(const FaceColour& colour, double texel_m) {
   Piece& skin = pieces_.front();
   Mesh& mesh = *skin.mesh;
   // Unit squares of texture coordinates (UDIM tiles) are laid side by side.
@@ -220,8 +220,8 @@ void SynthHead::bake_skin(const FaceColour& colour) {
     area_uv += 0.5 * std::abs(u.x() * v.y() - u.y() * v.x());
   }
   if (!(area_uv > 0)) throw InvalidInput("face model: its texture coordinates enclose no area");
-  const int size = static_cast<int>(
-      std::clamp(std::sqrt(area_m2 / area_uv) / static_cast<double>(kTexelM), 256.0, 2048.0));
+  const int size =
+      static_cast<int>(std::clamp(std::sqrt(area_m2 / area_uv) / texel_m, 256.0, 2048.0));
   const int count = static_cast<int>(tiles.size());
   const int width = size * count;
   for (Eigen::Index i = 0; i < mesh.vertex_count(); ++i) {

@@ -15,8 +15,9 @@ namespace semblance {
 /// model must have the 68 landmarks, parts and texture coordinates. Thread-safe once made.
 class SynthHead {
  public:
-  /// Throws InvalidInput naming `source` when the model lacks what is needed.
-  SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look,
+  /// `texel_m` is the wanted size of the skin texture's texels. Throws InvalidInput naming `source`
+  /// when the model lacks what is needed.
+  SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look, double texel_m,
             const std::string& source);
 
   /// The objects at x; objects other than the head's may follow them in `scene`.
@@ -37,7 +38,7 @@ class SynthHead {
   };
   void weld();
   void split(const PersonLook& look);
-  void bake_skin(const FaceColour& colour);
+  void bake_skin(const FaceColour& colour, double texel_m);
   void bake_eye(Piece& piece, const FaceColour& colour);
   void grow_hair(const FaceColour& colour, const PersonLook& look);
   void build_torso(const PersonLook& look);

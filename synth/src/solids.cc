@@ -79,7 +79,7 @@ Mesh hand_mesh() {
   hand.positions_m.resize(0, 3);
   hand.triangles.resize(0, 3);
   for (int finger = 0; finger < 4; ++finger) {
-    const double y = 0.0295 - 0.0195 * finger,
+    const double y = 0.0275 - 0.0182 * finger,
                  reach = finger == 3 ? 0.038 : 0.056 - 0.004 * std::abs(finger - 1);
     const Vector3d knuckle(-0.035, y, 0.0), middle(0.01, 1.04 * y, 0.006),
         tip(reach, 1.06 * y, -0.006);
