@@ -1,6 +1,6 @@
 // The face tracker's two inner loops: one comparison of the synthetic face with an image, and one
-// Gauss-Newton step. The built-in face shows about 200 x 200 pixels; its identity is fixed, and pose
-// and all expression parameters change from one evaluation to the next.
+// Gauss-Newton step. The built-in face shows about 200 x 200 pixels; its identity is fixed, and
+// pose and all expression parameters change from one evaluation to the next.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -62,8 +62,8 @@ FaceFit::FaceFit() {
   appearance = std::make_unique<Appearance>(
       mesh, 512, colour, std::vector<float>(static_cast<std::size_t>(mesh.vertex_count()), 0.5f));
   scene.objects[0].material.texture = std::make_shared<Image>(appearance->texture());
-  observation = make_observation(
-      make_renderer("raster")->render(scene, camera, Channel::colour).colour, 1);
+  observation =
+      make_observation(make_renderer("raster")->render(scene, camera, Channel::colour).colour, 1);
   PhotometricOptions options;
   options.texture_level = 1;
   cost = std::make_unique<PhotometricCost>(&observation.levels[0], appearance.get(), &topology,
@@ -96,7 +96,8 @@ void report(benchmark::State& state) {
   state.counters["parameters"] = static_cast<double>(fit().objective->space().tangent_size());
 }
 
-/// Time and rate are those of one evaluation by the clock on the wall, in batches as optimizers make.
+/// Time and rate are those of one evaluation by the clock on the wall, in batches as optimizers
+/// make.
 void photometric_evaluation(benchmark::State& state, int threads) {
   const FaceFit& face = fit();
   set_thread_count(threads);

@@ -1,6 +1,7 @@
 #include "semblance/cost/contract.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -18,8 +19,7 @@ class Checker {
         topology_(topology),
         space_(space),
         synthesis_at_(synthesis_at),
-        accuracy_(accuracy),
-        step_(accuracy.relative_step * space.tangent_scale()) {}
+        accuracy_(accuracy) {}
 
   void check(const Eigen::VectorXd& x);
   std::ostream& complain() { return violations_ << (violations_.tellp() > 0 ? "\n" : ""); }
@@ -31,6 +31,7 @@ class Checker {
   Eigen::VectorXd moved(const Eigen::VectorXd& x, Eigen::Index k, double sign) const;
   NormalEquations equations(const Eigen::VectorXd& x) const;
   SurfaceEquations::Motion motion(const Eigen::VectorXd& x, const std::vector<int>& vertices) const;
+  void choose_steps(const Eigen::VectorXd& x);
   void check_value(const Eigen::VectorXd& x);
   void check_derivatives(const Eigen::VectorXd& x);
 
@@ -39,7 +40,7 @@ class Checker {
   const ParameterSpace& space_;
   const SynthesisAt& synthesis_at_;
   CostAccuracy accuracy_;
-  Eigen::VectorXd step_;
+  Eigen::VectorXd step_;  // of differences, per tangent entry
   std::ostringstream violations_;
 };
 
@@ -57,6 +58,19 @@ std::vector<float> Checker::projected(const Eigen::VectorXd& x) const {
 
 Eigen::VectorXd Checker::moved(const Eigen::VectorXd& x, Eigen::Index k, double sign) const {
   return space_.plus(x, sign * step_[k] * Eigen::VectorXd::Unit(step_.size(), k));
+}
+
+void Checker::choose_steps(const Eigen::VectorXd& x) {
+  step_ = 0.01 * space_.tangent_scale();
+  const std::vector<float> here = projected(x);
+  for (Eigen::Index k = 0; k < step_.size(); ++k) {
+    const std::vector<float> there = projected(moved(x, k, 1.0));
+    double largest = 0.0;
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      if (i % 3 != 2) largest = std::max(largest, std::abs(double{there[i]} - here[i]));
+    }
+    if (largest > accuracy_.step_px) step_[k] *= accuracy_.step_px / largest;
+  }
 }
 
 SurfaceEquations::Motion Checker::motion(const Eigen::VectorXd& x,
@@ -115,9 +129,8 @@ void Checker::check_derivatives(const Eigen::VectorXd& x) {
   for (Eigen::Index k = 0; k < step_.size(); ++k) {
     expected[k] = (value(moved(x, k, 1.0)) - value(moved(x, k, -1.0))) / (2.0 * step_[k]);
   }
-  const Eigen::VectorXd scale = space_.tangent_scale();
-  const double norm = expected.cwiseProduct(scale).norm();
-  const double error = (found.gradient - expected).cwiseProduct(scale).norm();
+  const double norm = expected.cwiseProduct(step_).norm();
+  const double error = (found.gradient - expected).cwiseProduct(step_).norm();
   if (!(error <= accuracy_.gradient * norm)) {
     complain() << "the gradient is (" << found.gradient.transpose() << "), differences give ("
                << expected.transpose() << ")";
@@ -125,6 +138,7 @@ void Checker::check_derivatives(const Eigen::VectorXd& x) {
 }
 
 void Checker::check(const Eigen::VectorXd& x) {
+  choose_steps(x);
   check_value(x);
   check_derivatives(x);
 }

@@ -17,10 +17,11 @@ using SynthesisAt =
 
 struct CostAccuracy {
   /// Difference allowed between gradient and central differences of the cost, relative to the
-  /// gradient's norm, all in units of tangent_scale(). Infinite: the cost's gradient is that of
-  /// another function near this one, and is not compared.
+  /// gradient's norm, all in units of the differences' steps. Infinite: the cost's gradient is that
+  /// of another function near this one, and is not compared.
   double gradient = 1e-3;
-  double relative_step = 1e-2;  // of the differences, in units of tangent_scale()
+  /// A step moves no vertex further in the image, and is at most a hundredth of tangent_scale().
+  double step_px = 0.1;
 };
 
 /// One line for each broken promise at the given points, empty if there is none. Checked: name and
