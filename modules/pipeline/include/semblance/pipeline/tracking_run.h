@@ -28,11 +28,11 @@ class FrameTracker {
 
 struct TrackingRun {
   std::string video;
-  std::string folder;        // existing; receives track.jsonl and, while running, checkpoint.bin
-  Camera camera;             // of the video's size, possibly distorted
+  std::string folder;  // existing; receives track.jsonl and, while running, checkpoint.bin
+  Camera camera;       // of the video's size, possibly distorted
   TrackHeader header;
-  bool resume = false;       // go on from the folder's last checkpoint, if it has one
-  int last_frame = -1;       // stop after this frame; -1: to the end
+  bool resume = false;  // go on from the folder's last checkpoint, if it has one
+  int last_frame = -1;  // stop after this frame; -1: to the end
   int checkpoint_every = 100;
 };
 
