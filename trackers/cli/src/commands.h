@@ -9,14 +9,17 @@ namespace semblance::cli {
 
 /// What all commands share.
 struct Context {
-  std::string json_path;  // --json: summary figures as one JSON object
-  bool quiet = false;
+  std::string json_path;         // --json: summary figures as one JSON object
   std::function<void()> action;  // set by the command that was chosen
 };
 
 void add_track_commands(CLI::App& app, Context& context);
 void add_synth_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
+void add_compare_command(CLI::App& app, Context& context);
+
+/// Creates a folder and those above it; throws IoError where that is refused.
+void make_folder(const std::string& folder);
 
 /// Writes the summary where --json asked for it.
 void write_summary(const Context& context, const std::string& json);

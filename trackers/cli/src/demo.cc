@@ -29,7 +29,7 @@ FaceClipSpec demo_clip() {
 }
 
 void run_demo(const Context& context, const std::string& folder) {
-  fs::create_directories(folder);
+  make_folder(folder);
   const auto progress = console_progress();
   fmt::print("1. generating a clip with known truth\n");
   const ClipFiles clip =

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <exception>
+#include <filesystem>
 
 #include "commands.h"
 #include "semblance/core/atomic_file.h"
@@ -11,6 +12,12 @@
 #include "semblance/core/version.h"
 
 namespace semblance::cli {
+
+void make_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw IoError(folder + ": cannot be created (" + error.message() + ")");
+}
 
 void write_summary(const Context& context, const std::string& json) {
   if (context.json_path.empty()) return;
@@ -49,6 +56,7 @@ int main(int argc, char** argv) {
   cli::add_track_commands(app, context);
   cli::add_synth_commands(app, context);
   cli::add_demo_command(app, context);
+  cli::add_compare_command(app, context);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

@@ -17,9 +17,7 @@ namespace {
 
 void run_synth(const std::string& suite_path, const std::string& folder) {
   const SynthSuite suite = read_suite(suite_path);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw IoError(folder + ": cannot be created (" + error.message() + ")");
+  make_folder(folder);
   const auto progress = console_progress();
   for (const FaceClipSpec& spec : suite.clips) {
     const ClipFiles files = generate_clip(spec, (fs::path(folder) / spec.name).string(), *progress);
@@ -30,7 +28,13 @@ void run_synth(const std::string& suite_path, const std::string& folder) {
 /// DIR/<clip>/track.jsonl under `results` against DIR/<clip>/truth.jsonl under `truth`.
 void run_score(const Context& context, const std::string& truth, const std::string& results) {
   std::vector<ScoredClip> clips;
-  for (const fs::directory_entry& entry : fs::directory_iterator(truth)) {
+  std::error_code error;
+  fs::directory_iterator entries(truth, error);
+  if (error) {
+    throw IoError(truth + ": cannot be listed (" + error.message() +
+                  "); give the folder that `semblance synth` wrote");
+  }
+  for (const fs::directory_entry& entry : entries) {
     const std::string name = entry.path().filename().string();
     if (!fs::exists(entry.path() / "truth.jsonl")) continue;
     clips.push_back(read_scored_clip(name, (fs::path(results) / name / "track.jsonl").string(),

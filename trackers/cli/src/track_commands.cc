@@ -69,7 +69,12 @@ void add_track_commands(CLI::App& app, Context& context) {
   face->add_flag("--resume", options->resume, "Go on where an interrupted run stopped");
   face->add_flag("!--no-overlay", options->overlay, "Do not write overlay.mp4");
   face->add_option("--seed", options->seed, "Seed of the random methods")->capture_default_str();
-  face->add_option("--last-frame", options->last_frame, "Stop after this frame");
+  face->add_option("--last-frame", options->last_frame, "Stop after this frame, counted from 0")
+      ->check(CLI::NonNegativeNumber);
+  face->add_option("--checkpoint-every", options->checkpoint_every,
+                   "Frames between the states that --resume can go on from")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   face->callback([&context, options] {
     context.action = [&context, options] { run_track_face(context, *options); };
   });

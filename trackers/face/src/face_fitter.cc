@@ -16,8 +16,12 @@ namespace {
 
 constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
 constexpr int kTextureSize = 256;
+// Deviation of the detector's eye centres, in distances between the eyes (measured on video: 3 %).
+constexpr double kEyeDetection = 0.03;
 constexpr std::size_t kRefinedStarts = 4;
-constexpr double kGenericCorrelation_px2 = 40.0;
+// Side of a patch whose residuals are alike, in distances between the eyes.
+constexpr double kGenericCorrelation = 0.2;
+constexpr double kFaceWidth = 2.2;  // side of the face's picture, in distances between the eyes
 constexpr double kRestingExpression = 0.4;  // of the prior's width: first frames are mostly calm
 
 std::vector<int> pose_blocks() { return {0, 1}; }
@@ -55,11 +59,13 @@ PriorCost calm_prior(const ParameterSpace& space, int identity_count) {
 /// How far the pose may be from where the detector or the marks put it.
 PriorCost start_prior(const ParameterSpace& space, const Camera& camera,
                       const Eigen::VectorXd& start) {
-  constexpr double kTurn = 0.25, kPlace = 0.15, kDepth = 0.12;  // rad; eye distances; of the depth
+  // rad; eye distances; of the depth. The cascade finds frontal faces and the eyes' line tells the
+  // roll, but cameras look from above or below.
+  constexpr double kPitch = 0.2, kYaw = 0.1, kRoll = 0.08, kPlace = 0.15, kDepth = 0.12;
   const double depth_m = (camera.camera_from_world * Eigen::Vector3d(start.segment<3>(4))).z();
   Eigen::VectorXd sigma =
       Eigen::VectorXd::Constant(space.tangent_size(), std::numeric_limits<double>::infinity());
-  sigma.head<3>().setConstant(kTurn);
+  sigma.head<3>() << kPitch, kYaw, kRoll;
   sigma.segment<3>(3) << kPlace * kEyeDistance_m, kPlace * kEyeDistance_m, kDepth * depth_m;
   Eigen::VectorXd mean = space.initial();
   mean.head<7>() = start.head<7>();
@@ -84,10 +90,11 @@ FaceFitter::FaceFitter(const MorphModel& model)
       workspace_(model_, topology_),
       appearance_(*model.shape().mesh, kTextureSize, vertex_albedo(model.shape()),
                   vertex_confidence(model.shape())),
-      triangle_weight_(inner_face_weight(model.shape(), topology_)) {}
+      triangle_weight_(inner_face_weight(model.shape(), topology_)),
+      pupil_triangle_(pupil_triangles(model.shape(), topology_)) {}
 
 void FaceFitter::refine(const Observation& observation, const Camera& full_camera,
-                        const Stage& stage, const Eigen::VectorXd& start,
+                        const Stage& stage, const Eigen::VectorXd& start, const FaceBox& detection,
                         const std::vector<FaceMark>& marks, FaceFit& fit) const {
   const ObservationLevel& level = observation.levels[static_cast<std::size_t>(stage.level)];
   const Camera camera = full_camera.scaled(level.scale);
@@ -96,14 +103,24 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
   photometric.sigma = stage.photometric_sigma;
   photometric.robust_width = 2.0;
   // What a face without texture leaves unexplained is alike over whole cheeks.
-  photometric.correlation_area_px =
-      std::max(4.0, kGenericCorrelation_px2 * level.scale * level.scale);
+  const double patch_px = kGenericCorrelation * eye_distance_px(full_camera, start) * level.scale;
+  photometric.correlation_area_px = std::max(4.0, patch_px * patch_px);
+  // The same for every start, so that their costs can be compared.
+  photometric.reference_pixels = std::pow(kFaceWidth * patch_px / kGenericCorrelation, 2.0);
   std::vector<LandmarkTarget> targets;
   for (const FaceMark& mark : marks) {
     const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
     targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
   }
-  const LandmarkCost landmarks(std::move(targets), &topology_, full_camera.width, 5.0);
+  for (std::size_t eye = 0; detection.eyes_px && eye < 2; ++eye) {
+    if (pupil_triangle_[eye] < 0) continue;
+    targets.push_back({pupil_triangle_[eye],
+                       {1.0f / 3, 1.0f / 3, 1.0f / 3},
+                       (*detection.eyes_px)[eye],
+                       kEyeDetection * detection.eye_distance_px()});
+  }
+  const bool has_targets = !targets.empty();
+  const LandmarkCost landmarks(std::move(targets), &topology_, full_camera.width, 20.0);
   OptimizerOptions options;
   options.max_iterations = stage.iterations;
   options.step_tolerance = 3e-3;
@@ -112,7 +129,6 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
     const SynthesisObjective probe(workspace_, fit.x, free, fit.light, camera, {});
     probe.with_synthesis(probe.restrict_to_free(fit.x), [&](const Synthesis& synthesis) {
       photometric.texture_level = matching_texture_level(synthesis, appearance_, topology_);
-      photometric.reference_pixels = static_cast<double>(synthesis.pixels.size());
       const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
       const std::vector<float> weight = cost.statistics(synthesis).pixel_weight;
       const std::vector<float> flat(synthesis.pixels.size(), 1.0f);
@@ -125,7 +141,7 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
     const PriorCost prior = calm_prior(shape_of_prior.space(), model_.shape().identity_count);
     const PriorCost near_start = start_prior(shape_of_prior.space(), full_camera, start);
     std::vector<const Cost*> costs = {&cost, &prior, &near_start};
-    if (!marks.empty()) costs.push_back(&landmarks);
+    if (has_targets) costs.push_back(&landmarks);
     const SynthesisObjective objective(workspace_, fit.x, free, fit.light, camera, costs);
     const Solution solution =
         optimizer->minimize(objective, objective.restrict_to_free(fit.x), silent_progress());
@@ -138,23 +154,25 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
 }
 
 FaceFit FaceFitter::finish(const Observation& observation, const Camera& camera,
-                           const Eigen::VectorXd& detected, const std::vector<FaceMark>& marks,
-                           std::vector<FaceFit> starts, int coarse_level) const {
+                           const Eigen::VectorXd& detected, const FaceBox& detection,
+                           const std::vector<FaceMark>& marks, std::vector<FaceFit> starts,
+                           int coarse_level) const {
   parallel_for(starts.size(), [&](std::size_t i) {
-    refine(observation, camera, {coarse_level, false, 0.15, 2, 6}, detected, marks, starts[i]);
-    refine(observation, camera, {coarse_level, true, 0.12, 3, 5}, detected, marks, starts[i]);
+    refine(observation, camera, {coarse_level, false, 0.15, 2, 6}, detected, detection, marks,
+           starts[i]);
+    refine(observation, camera, {coarse_level, true, 0.12, 3, 5}, detected, detection, marks,
+           starts[i]);
   });
   const auto best =
-      std::max_element(starts.begin(), starts.end(), [](const FaceFit& a, const FaceFit& b) {
-        return a.statistics.correlation < b.statistics.correlation;
-      });
+      std::min_element(starts.begin(), starts.end(),
+                       [](const FaceFit& a, const FaceFit& b) { return a.cost < b.cost; });
   if (best == starts.end() || !best->x.allFinite() || !(best->statistics.correlation > 0.2)) {
     throw SolverError(
         "no face could be fitted to the image: the best start explains nothing of it");
   }
   FaceFit fit = *best;
   for (int level = coarse_level - 1; level >= 0; --level) {
-    refine(observation, camera, {level, true, 0.1, 3, 6}, detected, marks, fit);
+    refine(observation, camera, {level, true, 0.1, 3, 6}, detected, detection, marks, fit);
   }
   return fit;
 }
@@ -216,7 +234,7 @@ FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
                       return a.statistics.correlation > b.statistics.correlation;
                     });
   starts.resize(kept);
-  return finish(observation, camera, detected, {}, std::move(starts), level_index);
+  return finish(observation, camera, detected, box, {}, std::move(starts), level_index);
 }
 
 FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
@@ -253,7 +271,7 @@ FaceFit FaceFitter::fit(const Observation& observation, const Camera& camera,
   set_pose(model_.parameters(), camera, centre - model_centre * px_per_m, kEyeDistance_m * px_per_m,
            Eigen::Quaterniond::Identity(), start.x);
   const int level = level_for(observation, eye_distance_px(camera, start.x), 16.0);
-  return finish(observation, camera, start.x, marks, {start}, level);
+  return finish(observation, camera, start.x, FaceBox(), marks, {start}, level);
 }
 
 }  // namespace semblance

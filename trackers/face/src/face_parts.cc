@@ -92,6 +92,25 @@ std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopol
   return out;
 }
 
+std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopology& topology) {
+  std::array<int, 2> best = {-1, -1};
+  std::array<double, 2> depth = {0.0, 0.0};
+  for (std::size_t t = 0; t < topology.triangles.size(); ++t) {
+    const auto& corner = topology.triangles[t];
+    const FacePart part = part_of(shape, corner[0]);
+    if (part != FacePart::pupil && part != FacePart::iris) continue;
+    const Eigen::RowVector3d centre =
+        (shape.mesh->positions_m.row(corner[0]) + shape.mesh->positions_m.row(corner[1]) +
+         shape.mesh->positions_m.row(corner[2])) /
+        3.0;
+    const std::size_t eye = centre.x() < 0.0 ? 0 : 1;
+    if (best[eye] >= 0 && centre.z() <= depth[eye]) continue;
+    best[eye] = static_cast<int>(t);
+    depth[eye] = centre.z();
+  }
+  return best;
+}
+
 std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
                                     float (*weight)(FacePart)) {
   std::vector<float> out;

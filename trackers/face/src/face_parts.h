@@ -1,6 +1,7 @@
 // What is known of a face's colours before any image of it was seen.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "semblance/core/mesh.h"
@@ -22,6 +23,9 @@ std::vector<float> vertex_confidence(const MorphShape& shape);
 /// 1 inside the oval of brows, eyes, nose, mouth and chin, falling to 0 around it: the part of a
 /// face that is neither hair nor neck nor background, whoever's it is.
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology);
+/// The foremost triangle of each iris, that of the face's right eye (left in the image) first; -1
+/// where the shape has none.
+std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopology& topology);
 /// Weight of each triangle: the least of its corners'.
 std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
                                     float (*weight)(FacePart));

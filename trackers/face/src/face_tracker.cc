@@ -25,7 +25,18 @@ constexpr double kRotationPerFrame = 0.06;  // rad: deviation of the prediction'
 constexpr double kTranslationPerFrame_m = 0.012;
 constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
 constexpr double kVelocityDamping = 0.7;
-constexpr double kGatherTurn = 0.08;  // rad of turning after which new surface may be in view
+// Residuals of neighbours are alike over such areas, whatever one frame's lag correlation says.
+constexpr double kLeastCorrelationArea_px2 = 25.0, kLargestCorrelationArea_px2 = 400.0;
+// A still face fits far better than a turned one: tighter than this, turning would look like being
+// covered.
+constexpr double kLeastSigma = 0.035, kLargestSigma = 0.08;
+// The Gauss-Newton covariance knows noise, not that the model is another person's head: on
+// generated clips of an independent model (suite ict-talking) errors of rotation were this many
+// times larger.
+constexpr double kDiscrepancy = 4.0;
+constexpr float kUnseenConfidence = 0.25f;
+constexpr double kGatherCorrelation = 0.8;  // only frames that fit this well add to the texture
+constexpr double kGatherTurn = 0.04;        // rad of turning after which new surface may be in view
 constexpr int kFirstViews =
     8;  // after a first fit, all are gathered: their mean is less noisy than one
 
@@ -44,11 +55,18 @@ struct State {
   Eigen::VectorXd x;         // of the person's model: pose and expression
   Eigen::VectorXd velocity;  // of the pose, tangent, per frame
   ShLight light;
-  double sigma = 0.03, correlation_area_px = 8.0;
+  double sigma = 0.04, correlation_area_px = 40.0;
   double views = 0.0;                // gathered so far
   double pixels_at_one_metre = 0.0;  // visible pixels times depth squared at the first fit
   Eigen::Vector4d gathered_at = Eigen::Vector4d::Zero();
 };
+
+/// While tracking, a guessed colour counts little beside those that were seen.
+std::vector<float> unseen_confidence(const MorphShape& shape) {
+  std::vector<float> confidence = vertex_confidence(shape);
+  for (float& c : confidence) c *= kUnseenConfidence;
+  return confidence;
+}
 
 bool is_blink(const std::string& name) { return name.find("blink") != std::string::npos; }
 
@@ -78,7 +96,7 @@ struct Person {
         topology(topology_of(model)),
         workspace(model, topology),
         appearance(*model.shape().mesh, texture_size, vertex_albedo(model.shape()),
-                   vertex_confidence(model.shape())),
+                   unseen_confidence(model.shape())),
         triangle_weight(triangle_weights(model.shape(), topology, tracking_weight)) {}
 
   MorphModel model;
@@ -210,12 +228,16 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
   Attempt attempt;
   attempt.x = predicted;
   attempt.light = state.light;
-  const std::vector<int> free = free_blocks();
+  const std::vector<int> everything = free_blocks();
   const double eyes_px = camera.focal_px.x() * kEyeDistance_m / std::max(depth(predicted), 0.05);
   const int coarsest =
       std::clamp(static_cast<int>(std::floor(std::log2(std::max(eyes_px / kCoarseEyes_px, 1.0)))),
                  0, static_cast<int>(observation.levels.size()) - 1);
+  // On coarse levels only the pose is solved: the head moves as a whole first, and expression must
+  // not explain what is a turn.
+  const std::vector<int> pose = {0, 1};
   for (int l = coarsest; l >= 0; --l) {
+    const std::vector<int>& free = l > 0 ? pose : everything;
     const ObservationLevel& level = observation.levels[static_cast<std::size_t>(l)];
     const Camera at = camera.scaled(level.scale);
     PhotometricOptions photometric;
@@ -238,7 +260,7 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
     const PhotometricCost cost(&level, &person->appearance, &person->topology,
                                &person->triangle_weight, photometric);
     const PriorCost prior(probe.space());
-    const PriorCost temporal = temporal_prior(probe, predicted, looseness);
+    const PriorCost temporal = temporal_prior(probe, probe.restrict_to_free(predicted), looseness);
     const SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
                                        {&cost, &prior, &temporal});
     const Solution solution = method.minimize(objective, start, silent_progress());
@@ -332,6 +354,7 @@ TrackFrame FaceTracker::Impl::report(int frame, double time_s, TrackStatus statu
   }
   const Eigen::Index size = attempt.equations.hessian.rows();
   const Eigen::MatrixXd covariance =
+      kDiscrepancy * kDiscrepancy *
       attempt.equations.hessian.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
   write_estimate(attempt.x, covariance.topLeftCorner<3, 3>(), covariance.diagonal().cwiseSqrt(),
                  out);
@@ -488,14 +511,16 @@ TrackFrame FaceTracker::track(int frame, double time_s, const Observation& obser
   s.x = attempt.x;
   s.light = attempt.light;
   // Slow averages: one bad frame must not change what counts as an outlier in the next.
-  s.sigma = std::clamp(0.9 * s.sigma + 0.1 * attempt.statistics.sigma, 0.01, 0.08);
+  s.sigma = std::clamp(0.9 * s.sigma + 0.1 * attempt.statistics.sigma, kLeastSigma, kLargestSigma);
   const double rho = std::clamp(attempt.statistics.lag_correlation, 0.0, 0.9);
   const double area = std::pow((1.0 + rho) / (1.0 - rho), 2.0);
-  s.correlation_area_px = 0.9 * s.correlation_area_px + 0.1 * std::clamp(area, 1.0, 100.0);
+  s.correlation_area_px =
+      0.9 * s.correlation_area_px +
+      0.1 * std::clamp(area, kLeastCorrelationArea_px2, kLargestCorrelationArea_px2);
   const TrackFrame out = m.report(frame, time_s, status, attempt);
   const double cosine = std::min(1.0, std::abs(s.gathered_at.dot(attempt.x.head<4>())));
   if ((s.views < kFirstViews || 2.0 * std::acos(cosine) > kGatherTurn) &&
-      attempt.statistics.inlier_fraction > 0.75) {
+      attempt.statistics.correlation > kGatherCorrelation) {
     m.gather(observation, attempt, false);
   }
   return out;

@@ -137,6 +137,7 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
   run.header = header_for(options, tracker, camera);
   run.resume = options.resume;
   run.last_frame = options.last_frame;
+  run.checkpoint_every = options.checkpoint_every;
 
   ContactSheet pictures(info.width);
   const double rate = info.frames_per_second > 0.0 ? info.frames_per_second : 25.0;

@@ -55,16 +55,20 @@ class FaceFitter {
     int iterations = 6;
   };
   void refine(const Observation& observation, const Camera& camera, const Stage& stage,
-              const Eigen::VectorXd& start, const std::vector<FaceMark>& marks, FaceFit& fit) const;
+              const Eigen::VectorXd& start, const FaceBox& detection,
+              const std::vector<FaceMark>& marks, FaceFit& fit) const;
   FaceFit finish(const Observation& observation, const Camera& camera,
-                 const Eigen::VectorXd& detected, const std::vector<FaceMark>& marks,
-                 std::vector<FaceFit> starts, int coarse_level) const;
+                 const Eigen::VectorXd& detected, const FaceBox& detection,
+                 const std::vector<FaceMark>& marks, std::vector<FaceFit> starts,
+                 int coarse_level) const;
 
   const MorphModel& model_;
   SurfaceTopology topology_;
   mutable SynthesisWorkspace workspace_;
   Appearance appearance_;
   std::vector<float> triangle_weight_;
+  std::array<int, 2>
+      pupil_triangle_;  // of the eye left in a frontal image, then right; -1: unknown
 };
 
 /// Pose block values for a face seen frontally, level, with its eyes' midpoint at `eyes_px` and the

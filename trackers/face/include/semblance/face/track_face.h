@@ -25,6 +25,7 @@ struct FaceTrackingOptions {
   std::optional<int> face;  // which of several, from the left
   std::uint64_t seed = 1;
   int last_frame = -1;
+  int checkpoint_every = 100;  // frames between the states that `resume` goes on from
 };
 
 /// Focal length assumed without a camera, in widths of the picture: the middle of webcams (a
