@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 /// A sound model with one thing broken at a time.
 class Broken : public MorphModel {
  public:
-  enum class Fault { jacobian, memory, light, bounds, dead, landmark };
+  enum class Fault { jacobian, image_jacobian, memory, light, bounds, dead, landmark };
   explicit Broken(Fault fault) : MorphModel(shape_for(fault)), fault_(fault) {}
 
   void synthesize(const Eigen::VectorXd& x, Scene& scene) const override {
@@ -33,6 +33,15 @@ class Broken : public MorphModel {
                        const std::vector<int>* vertices, VertexJacobian& out) const override {
     MorphModel::vertex_jacobian(x, columns, vertices, out);
     if (fault_ == Fault::jacobian) out *= 1.1f;
+    return true;
+  }
+
+  bool image_jacobian(const Eigen::VectorXd& x, const std::vector<int>& columns,
+                      const std::vector<int>& vertices,
+                      const std::vector<ImageFromWorld>& image_from_world,
+                      VertexJacobian& out) const override {
+    MorphModel::image_jacobian(x, columns, vertices, image_from_world, out);
+    if (fault_ == Fault::image_jacobian) out.row(1) *= 1.1f;
     return true;
   }
 
@@ -56,6 +65,10 @@ class Broken : public MorphModel {
 TEST(ModelContract, CatchesAWrongJacobian) {
   EXPECT_THAT(model_contract_violations(Broken(Broken::Fault::jacobian)),
               HasSubstr("Jacobian of bend[0] is off"));
+}
+TEST(ModelContract, CatchesAWrongImageJacobian) {
+  EXPECT_THAT(model_contract_violations(Broken(Broken::Fault::image_jacobian)),
+              HasSubstr("image Jacobian is not the projected"));
 }
 TEST(ModelContract, CatchesMemoryOfTheScene) {
   EXPECT_THAT(model_contract_violations(Broken(Broken::Fault::memory)),

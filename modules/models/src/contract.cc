@@ -173,6 +173,32 @@ void check_columns(const ParametricModel& model, const Eigen::VectorXd& x,
   report.expect(kept, "the Jacobian writes rows of vertices that were not asked for");
 }
 
+/// Against the product of the rows that vertex_jacobian writes, with one column to spare.
+void check_image_motion(const ParametricModel& model, const Eigen::VectorXd& x,
+                        const std::vector<int>& columns, const VertexJacobian& whole,
+                        Random& random, Report& report) {
+  std::vector<int> vertices;
+  std::vector<ImageFromWorld> image_from_world;
+  for (Eigen::Index v = 1; v < whole.rows() / 3; v += 2) {
+    vertices.push_back(static_cast<int>(v));
+    image_from_world.push_back(ImageFromWorld::NullaryExpr(
+        [&] { return static_cast<float>(random.uniform(-1.0, 1.0)); }));
+  }
+  const auto count = static_cast<Eigen::Index>(vertices.size());
+  VertexJacobian motion = VertexJacobian::Constant(2 * count, whole.cols() + 1, -77.0f);
+  model.image_jacobian(x, columns, vertices, image_from_world, motion);
+  bool same = true;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto rows = whole.middleRows(3 * Eigen::Index{vertices[static_cast<std::size_t>(i)]}, 3);
+    const Eigen::MatrixXf expected = image_from_world[static_cast<std::size_t>(i)] * rows;
+    const auto found = motion.block(2 * i, 0, 2, whole.cols());
+    same &= ((found - expected).array().abs() <= 1e-5f * (1.0f + expected.array().abs())).all();
+  }
+  report.expect(same, "the image Jacobian is not the projected Jacobian");
+  report.expect((motion.rightCols(1).array() == 0.0f).all(),
+                "the image Jacobian is not zero past its last parameter");
+}
+
 void check_motion(const ParametricModel& model, const ModelAccuracy& accuracy, Random& random,
                   Report& report) {
   // A small part of the scale keeps the differences' own error below the accuracy asked for.
@@ -188,7 +214,10 @@ void check_motion(const ParametricModel& model, const ModelAccuracy& accuracy, R
     const Eigen::VectorXd x = inner_place(space, random, part);
     VertexJacobian jacobian;
     has_jacobian = has_jacobian && model.vertex_jacobian(x, all_columns, nullptr, jacobian);
-    if (has_jacobian) check_columns(model, x, jacobian, report);
+    if (has_jacobian) {
+      check_columns(model, x, jacobian, report);
+      check_image_motion(model, x, all_columns, jacobian, random, report);
+    }
     for (std::size_t c = 0; c < names.size(); ++c) {
       const PointsF difference =
           central_difference(model, x, static_cast<Eigen::Index>(c), part * scale[c]);

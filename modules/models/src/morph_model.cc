@@ -299,55 +299,77 @@ std::vector<FieldState> field_states(const MorphShape& shape, const Eigen::Vecto
   return states;
 }
 
-/// d(R p + t): rotation column k is e_k x (R p), translation column k is e_k. The rows are zero.
-void add_pose_columns(const std::vector<int>& tangent_columns, const Eigen::Vector3f& rotated,
-                      float* rows) {
-  const std::size_t stride = tangent_columns.size();
-  for (std::size_t i = 0; i < stride; ++i) {
-    const int column = tangent_columns[i];
-    if (column >= first_shape_tangent) continue;
-    const int k = column % 3, next = (k + 1) % 3, last = (k + 2) % 3;
-    if (column < 3) {
-      rows[next * stride + i] = -rotated[last];
-      rows[last * stride + i] = rotated[next];
-    } else {
-      rows[k * stride + i] = 1.0f;
+}  // namespace
+
+struct MorphModel::Motion {
+  const Tables& tables;
+  const std::vector<int>& tangent_columns;
+  std::vector<FieldState> states;
+  Eigen::Matrix3f rotation;
+
+  Motion(const MorphModel& model, const Eigen::VectorXd& x, const std::vector<int>& columns)
+      : tables(*model.tables_), tangent_columns(columns), rotation(pose_of(x).rotation) {
+    require_size(x, model.space_);
+    check_columns(columns, model.space_.tangent_size());
+    states = field_states(model.shape_, x, columns);
+  }
+
+  /// Writes from_world * d(R p + t) of a vertex to rows `stride` floats apart.
+  template <int Rows>
+  void write(int vertex, const Eigen::Matrix<float, Rows, 3, Eigen::RowMajor>& from_world,
+             std::size_t stride, float* rows) const {
+    using Column = Eigen::Matrix<float, Rows, 1>;
+    const Eigen::Matrix<float, Rows, 3> from_model = from_world * rotation;
+    std::fill(rows, rows + Rows * stride, 0.0f);
+    Eigen::Vector3f position = tables.neutral_m.row(vertex).transpose();
+    for (std::size_t e = tables.first_entry[vertex]; e < tables.first_entry[vertex + 1]; ++e) {
+      const Tables::Entry& entry = tables.entries[e];
+      const FieldState& state = states[entry.field];
+      position += state.weight * entry.displacement_m;
+      if (state.column < 0) continue;
+      const Column motion = from_model * (state.derivative * entry.displacement_m);
+      for (int r = 0; r < Rows; ++r) rows[r * stride + state.column] += motion[r];
+    }
+    // Rotation column k of d(R p + t) is e_k x (R p), translation column k is e_k.
+    const Eigen::Vector3f rotated = rotation * position;
+    for (std::size_t i = 0; i < tangent_columns.size(); ++i) {
+      const int column = tangent_columns[i];
+      if (column >= first_shape_tangent) continue;
+      const int k = column % 3, next = (k + 1) % 3, last = (k + 2) % 3;
+      const Column motion = column < 3 ? Column(from_world.col(last) * rotated[next] -
+                                                from_world.col(next) * rotated[last])
+                                       : Column(from_world.col(k));
+      for (int r = 0; r < Rows; ++r) rows[r * stride + i] = motion[r];
     }
   }
-}
-
-}  // namespace
+};
 
 bool MorphModel::vertex_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
                                  const std::vector<int>* vertices, VertexJacobian& out) const {
-  require_size(x, space_);
-  check_columns(tangent_columns, space_.tangent_size());
+  const Motion motion(*this, x, tangent_columns);
   const Eigen::Index vertex_count = tables_->neutral_m.rows();
   const std::size_t stride = tangent_columns.size();
   if (out.rows() != 3 * vertex_count || out.cols() != static_cast<Eigen::Index>(stride)) {
     out.resize(3 * vertex_count, static_cast<Eigen::Index>(stride));
   }
-  const std::vector<FieldState> states = field_states(shape_, x, tangent_columns);
-  const Eigen::Matrix3f rotation = pose_of(x).rotation;
-
+  const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> identity = Eigen::Matrix3f::Identity();
   const std::size_t count = vertices ? vertices->size() : static_cast<std::size_t>(vertex_count);
   for (std::size_t i = 0; i < count; ++i) {
     const int vertex = vertices ? (*vertices)[i] : static_cast<int>(i);
-    float* rows = out.data() + 3 * static_cast<std::size_t>(vertex) * stride;
-    std::fill(rows, rows + 3 * stride, 0.0f);
-    Eigen::Vector3f position = tables_->neutral_m.row(vertex).transpose();
-    for (std::size_t e = tables_->first_entry[vertex]; e < tables_->first_entry[vertex + 1]; ++e) {
-      const Tables::Entry& entry = tables_->entries[e];
-      const FieldState& state = states[entry.field];
-      position += state.weight * entry.displacement_m;
-      if (state.column < 0) continue;
-      const Eigen::Vector3f motion = rotation * (state.derivative * entry.displacement_m);
-      float* column = rows + state.column;
-      column[0] += motion[0];
-      column[stride] += motion[1];
-      column[2 * stride] += motion[2];
-    }
-    add_pose_columns(tangent_columns, rotation * position, rows);
+    motion.write(vertex, identity, stride,
+                 out.data() + 3 * static_cast<std::size_t>(vertex) * stride);
+  }
+  return true;
+}
+
+bool MorphModel::image_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
+                                const std::vector<int>& vertices,
+                                const std::vector<ImageFromWorld>& image_from_world,
+                                VertexJacobian& out) const {
+  const Motion motion(*this, x, tangent_columns);
+  const auto stride = static_cast<std::size_t>(out.cols());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    motion.write(vertices[i], image_from_world[i], stride, out.data() + 2 * i * stride);
   }
   return true;
 }

@@ -9,6 +9,21 @@ const std::vector<ModelLandmark>& ParametricModel::landmarks() const {
   return none;
 }
 
+bool ParametricModel::image_jacobian(const Eigen::VectorXd& x,
+                                     const std::vector<int>& tangent_columns,
+                                     const std::vector<int>& vertices,
+                                     const std::vector<ImageFromWorld>& image_from_world,
+                                     VertexJacobian& out) const {
+  VertexJacobian in_world;
+  if (!vertex_jacobian(x, tangent_columns, &vertices, in_world)) return false;
+  out.setZero();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    out.block(2 * static_cast<Eigen::Index>(i), 0, 2, in_world.cols()) =
+        image_from_world[i] * in_world.middleRows(3 * Eigen::Index{vertices[i]}, 3);
+  }
+  return true;
+}
+
 std::array<int, 3> landmark_vertices(const ModelLandmark& landmark, const Scene& scene) {
   int triangle = landmark.triangle, first_vertex = 0;
   for (const SceneObject& object : scene.objects) {

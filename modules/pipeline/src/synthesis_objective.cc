@@ -13,36 +13,28 @@ struct SynthesisWorkspace::Buffers {
   Rasteriser rasteriser;
   VisiblePixels pixels;
   SurfaceEquations equations;
-  VertexJacobian jacobian;
+  std::vector<ImageFromWorld> image_from_world;
   SurfaceEquations::Motion motion;
 
-  /// Fills `motion` from `jacobian`.
-  void project(const Camera& camera, std::span<const float> projected,
-               const std::vector<int>& vertices);
+  /// Fills `image_from_world` for the listed vertices.
+  void linearize_projection(const Camera& camera, std::span<const float> projected,
+                            const std::vector<int>& vertices);
 };
 
-void SynthesisWorkspace::Buffers::project(const Camera& camera, std::span<const float> projected,
-                                          const std::vector<int>& vertices) {
-  const Eigen::Index columns = jacobian.cols();
-  motion.resize(2 * static_cast<Eigen::Index>(vertices.size()),
-                SurfaceEquations::padded_columns(columns));
+void SynthesisWorkspace::Buffers::linearize_projection(const Camera& camera,
+                                                       std::span<const float> projected,
+                                                       const std::vector<int>& vertices) {
   const Eigen::Matrix3f rotation =
       camera.camera_from_world.rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector2f focal = camera.focal_px.cast<float>();
   const Eigen::Vector2f principal = camera.principal_px.cast<float>();
-  float* out = motion.data();
-  for (const int vertex : vertices) {
-    const float* p = projected.data() + 3 * std::ptrdiff_t{vertex};
-    const float* rows = jacobian.data() + 3 * columns * vertex;
-    for (int axis = 0; axis < 2; ++axis, out += motion.cols()) {
+  image_from_world.resize(vertices.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const float* p = projected.data() + 3 * std::ptrdiff_t{vertices[i]};
+    for (int axis = 0; axis < 2; ++axis) {
       // Pixel = f X/Z + c, so d(pixel) = (f dX - (pixel - c) dZ) / Z.
-      const Eigen::RowVector3f from_world =
+      image_from_world[i].row(axis) =
           (focal[axis] * rotation.row(axis) - (p[axis] - principal[axis]) * rotation.row(2)) / p[2];
-      for (Eigen::Index k = 0; k < columns; ++k) {
-        out[k] = from_world[0] * rows[k] + from_world[1] * rows[columns + k] +
-                 from_world[2] * rows[2 * columns + k];
-      }
-      std::fill(out + columns, out + motion.cols(), 0.0f);
     }
   }
 }
@@ -187,10 +179,13 @@ bool SynthesisObjective::normal_equations(const Eigen::VectorXd& x, NormalEquati
   if (!std::isfinite(out.cost)) return false;
 
   const std::vector<int>& vertices = buffers->equations.touched_vertices();
-  if (!workspace_.model().vertex_jacobian(whole, tangent_columns_, &vertices, buffers->jacobian)) {
+  buffers->linearize_projection(camera_, projected, vertices);
+  buffers->motion.resize(2 * static_cast<Eigen::Index>(vertices.size()),
+                         SurfaceEquations::padded_columns(out.gradient.size()));
+  if (!workspace_.model().image_jacobian(whole, tangent_columns_, vertices,
+                                         buffers->image_from_world, buffers->motion)) {
     return Objective::normal_equations(x, out);
   }
-  buffers->project(camera_, projected, vertices);
   buffers->equations.assemble(buffers->motion, out);
   return true;
 }

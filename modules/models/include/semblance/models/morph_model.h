@@ -82,6 +82,10 @@ class MorphModel : public ParametricModel {
   void synthesize(const Eigen::VectorXd& x, Scene& scene) const override;
   bool vertex_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
                        const std::vector<int>* vertices, VertexJacobian& out) const override;
+  bool image_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
+                      const std::vector<int>& vertices,
+                      const std::vector<ImageFromWorld>& image_from_world,
+                      VertexJacobian& out) const override;
   const std::vector<ModelLandmark>& landmarks() const override { return shape_.landmarks; }
 
   const MorphShape& shape() const { return shape_; }
@@ -91,6 +95,7 @@ class MorphModel : public ParametricModel {
 
  private:
   struct Tables;  // the fields again, laid out for the two loops
+  struct Motion;  // all vertices' derivatives at one x
 
   MorphShape shape_;
   ParameterSpace space_;

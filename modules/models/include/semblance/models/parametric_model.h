@@ -29,6 +29,8 @@ Eigen::Vector3d landmark_position(const ModelLandmark& landmark, const Scene& sc
 /// scene numbered through: entry (3 v + axis, p), in metres per unit of the parameter. Rows of a
 /// vertex are contiguous.
 using VertexJacobian = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+/// Derivative of a vertex's pixel with respect to its world position, in pixels per metre.
+using ImageFromWorld = Eigen::Matrix<float, 2, 3, Eigen::RowMajor>;
 
 /// A shape driven by parameters. Deterministic, and its const functions are thread-safe.
 ///
@@ -54,6 +56,15 @@ class ParametricModel {
     (void)x, (void)tangent_columns, (void)vertices, (void)out;
     return false;
   }
+
+  /// The motion of vertices in the image: rows 2 i and 2 i + 1 of `out` are image_from_world[i] times
+  /// the three rows of vertices[i] in the VertexJacobian, in as many columns; the columns of `out`
+  /// past those are zero. `out` has two rows per listed vertex. Returns false like vertex_jacobian.
+  /// Worth overriding where the three rows need not be written for it.
+  virtual bool image_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
+                              const std::vector<int>& vertices,
+                              const std::vector<ImageFromWorld>& image_from_world,
+                              VertexJacobian& out) const;
 
   /// Named points, possibly none.
   virtual const std::vector<ModelLandmark>& landmarks() const;
