@@ -15,6 +15,7 @@ namespace semblance {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+constexpr double kAssumedRate = 25.0;  // frames per second of a folder of images
 constexpr char kCheckpointMagic[] = "semblance.checkpoint/1\n";
 
 double seconds_since(Clock::time_point begin) {
@@ -105,6 +106,7 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
 
   const int first = static_cast<int>(earlier.size());
   FrameFeed feed(run.video, run.camera, tracker.pyramid_levels(), first);
+  const double rate = info.frames_per_second > 0.0 ? info.frames_per_second : kAssumedRate;
   TrackingOutcome outcome;
   progress.begin("tracking", info.frame_count);
   while (std::optional<PreparedFrame> frame = feed.next()) {
@@ -115,7 +117,7 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
     }
     if (run.last_frame >= 0 && frame->index > run.last_frame) break;
     const auto frame_begin = Clock::now();
-    const double time_s = info.frames_per_second > 0 ? frame->index / info.frames_per_second : 0.0;
+    const double time_s = frame->index / rate;
     const TrackFrame result = tracker.track(frame->index, time_s, frame->observation);
     outcome.times.track_s += seconds_since(frame_begin);
     writer->write(result);
