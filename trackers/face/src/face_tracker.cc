@@ -33,7 +33,7 @@ constexpr double kLeastSigma = 0.035, kLargestSigma = 0.08;
 // The Gauss-Newton covariance knows noise, not that the model is another person's head: on
 // generated clips of an independent model (suite ict-talking) errors of rotation were this many
 // times larger.
-constexpr double kDiscrepancy = 4.0;
+constexpr double kDiscrepancy = 6.0;
 constexpr float kUnseenConfidence = 0.25f;
 constexpr double kGatherCorrelation = 0.8;  // only frames that fit this well add to the texture
 constexpr double kGatherTurn = 0.04;        // rad of turning after which new surface may be in view
@@ -41,7 +41,7 @@ constexpr int kFirstViews =
     8;  // after a first fit, all are gathered: their mean is less noisy than one
 
 // A frame is believed when the synthetic picture resembles the observed one.
-constexpr double kLeastCorrelation = 0.65;
+constexpr double kLeastCorrelation = 0.72;
 constexpr double kLeastInliers = 0.45;
 constexpr double kLeastDepth_m = 0.1, kLargestDepth_m = 10.0;
 constexpr double kLeastVisible =
