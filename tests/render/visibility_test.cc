@@ -131,6 +131,33 @@ TEST_P(Catalogue, PortableAndWideInstructionsGiveTheSameBits) {
   EXPECT_TRUE(same(portable, visible(scene().scene, scene().camera)));
 }
 
+TEST_P(Catalogue, FrontFacesHideWhatLiesBehindThemAndBackFacesNothing) {
+  const auto triangles = camera_triangles(scene());
+  const auto seen_from_front = [&](std::int32_t t) {
+    const auto& p = triangles[t];
+    return (p[1] - p[0]).cross(p[2] - p[0]).dot(p[0]) < 0.0;
+  };
+  VisiblePixels front, portable;
+  const auto list = [&](Rasteriser::Instructions instructions, VisiblePixels& out) {
+    Rasteriser(instructions, Rasteriser::Faces::front)
+        .visible_pixels(scene().scene, scene().camera, nullptr, out);
+  };
+  list(Rasteriser::Instructions::best, front);
+  list(Rasteriser::Instructions::portable, portable);
+  EXPECT_TRUE(same(front, portable));
+  std::vector<std::int32_t> triangle_at(
+      std::size_t{1} * scene().camera.width * scene().camera.height, -1);
+  for (std::size_t i = 0; i < front.size(); ++i) {
+    EXPECT_TRUE(seen_from_front(front.triangle[i])) << scene().name << " " << i;
+    triangle_at[front.pixel[i]] = front.triangle[i];
+  }
+  const VisiblePixels all = visible(scene().scene, scene().camera);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!seen_from_front(all.triangle[i])) continue;
+    EXPECT_EQ(triangle_at[all.pixel[i]], all.triangle[i]) << scene().name << " " << i;
+  }
+}
+
 TEST_P(Catalogue, ARegionIsThatPartOfTheWhole) {
   const PixelRect region{33, 41, 118, 97};
   const VisiblePixels whole = visible(scene().scene, scene().camera);

@@ -10,7 +10,8 @@ namespace semblance {
 struct SynthesisWorkspace::Buffers {
   explicit Buffers(const SurfaceTopology* topology) : equations(topology) {}
   Scene scene;
-  Rasteriser rasteriser;
+  // What is seen from behind through a hole of the surface has no colour to compare.
+  Rasteriser rasteriser{Rasteriser::Instructions::best, Rasteriser::Faces::front};
   VisiblePixels pixels;
   SurfaceEquations equations;
   std::vector<ImageFromWorld> image_from_world;

@@ -41,7 +41,7 @@ void draw_large(const RasteriseArgs& args, std::int32_t row) {
   const std::int64_t ax = std::int64_t{q.x} - p.x, ay = std::int64_t{q.y} - p.y;
   const std::int64_t bx = std::int64_t{r.x} - p.x, by = std::int64_t{r.y} - p.y;
   const std::int64_t area = ax * by - bx * ay;
-  if (area == 0) return;
+  if (area == 0 || (args.front_only && area > 0)) return;
   const std::int64_t x0 = std::max<std::int64_t>(
       (std::min({p.x, q.x, r.x}) + subpixel_one - 1) >> subpixel_bits, args.x0);
   const std::int64_t y0 = std::max<std::int64_t>(
@@ -97,6 +97,7 @@ void draw_large(const RasteriseArgs& args, std::int32_t row) {
 
 struct Rasteriser::Impl {
   const Kernels* kernels;
+  Faces faces;
   std::vector<ScreenVertex> vertices;
   std::vector<float> projected;
   std::size_t vertex_count = 0;
@@ -176,6 +177,7 @@ void Rasteriser::Impl::rasterise(const Scene& scene, const PixelRect& rect) {
   args.stride = key_stride(rect);
   args.large = large.data();
   args.vertices = vertices.data();
+  args.front_only = faces == Faces::front;
   for (const SceneObject& object : scene.objects) {
     args.triangles = object.mesh->triangles.data();
     args.count = object.mesh->triangle_count();
@@ -203,7 +205,8 @@ void Rasteriser::Impl::list_pixels(const PixelRect& rect, int image_width, Visib
                  pending_x.data(), pending_y.data()});
 }
 
-Rasteriser::Rasteriser(Instructions instructions) : impl_(std::make_unique<Impl>()) {
+Rasteriser::Rasteriser(Instructions instructions, Faces faces) : impl_(std::make_unique<Impl>()) {
+  impl_->faces = faces;
   impl_->kernels = instructions == Instructions::portable ? &portable_kernels() : &best_kernels();
 }
 Rasteriser::~Rasteriser() = default;

@@ -33,7 +33,9 @@ class Rasteriser {
  public:
   /// Both kinds of instructions give the same bits; `portable` exists to test that.
   enum class Instructions { best, portable };
-  explicit Rasteriser(Instructions instructions = Instructions::best);
+  /// `front` leaves out triangles seen from behind, which a closed surface hides anyway.
+  enum class Faces { all, front };
+  explicit Rasteriser(Instructions instructions = Instructions::best, Faces faces = Faces::all);
   ~Rasteriser();
   Rasteriser(Rasteriser&&) noexcept;
   Rasteriser& operator=(Rasteriser&&) noexcept;
