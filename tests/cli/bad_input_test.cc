@@ -209,7 +209,7 @@ TEST_F(BadInput, PointsOutsideThePicture) {
 TEST_F(BadInput, OutputFolderThatCannotBeMade) {
   write_wall(path("wall.mp4"), 2);
   // Below a regular file: refused to every user, the superuser too.
-  for (const std::string folder : {path("wall.mp4"), path("wall.mp4/out")}) {
+  for (const std::string& folder : {path("wall.mp4"), path("wall.mp4/out")}) {
     const ProgramResult result = run_program({"track", "face", path("wall.mp4"), "-o", folder});
     EXPECT_EQ(result.exit_code, kBadInput) << folder;
     EXPECT_THAT(result.output, AllOf(HasSubstr(folder), HasSubstr("output folder"))) << folder;
