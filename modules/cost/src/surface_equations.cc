@@ -78,7 +78,15 @@ void SurfaceEquations::add(int triangle, float b0, float b1, float b2, float m_x
 
 float* SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
   vertices_current_ = false;
-  for (const std::int32_t t : triangles) touch(t);
+  // Without a branch, since whether a point's triangle is new cannot be predicted.
+  std::size_t count = touched_triangles_.size();
+  touched_triangles_.resize(topology_->triangles.size() + 1);
+  for (const std::int32_t t : triangles) {
+    touched_triangles_[count] = t;
+    count += std::size_t{1} - is_touched_[t];
+    is_touched_[t] = 1;
+  }
+  touched_triangles_.resize(count);
   return accumulators_.data();
 }
 

@@ -181,8 +181,8 @@ void check_image_motion(const ParametricModel& model, const Eigen::VectorXd& x,
   std::vector<ImageFromWorld> image_from_world;
   for (Eigen::Index v = 1; v < whole.rows() / 3; v += 2) {
     vertices.push_back(static_cast<int>(v));
-    image_from_world.push_back(ImageFromWorld::NullaryExpr(
-        [&] { return static_cast<float>(random.uniform(-1.0, 1.0)); }));
+    image_from_world.push_back(
+        ImageFromWorld::NullaryExpr([&] { return static_cast<float>(random.uniform(-1.0, 1.0)); }));
   }
   const auto count = static_cast<Eigen::Index>(vertices.size());
   VertexJacobian motion = VertexJacobian::Constant(2 * count, whole.cols() + 1, -77.0f);

@@ -336,9 +336,10 @@ struct MorphModel::Motion {
       const int column = tangent_columns[i];
       if (column >= first_shape_tangent) continue;
       const int k = column % 3, next = (k + 1) % 3, last = (k + 2) % 3;
-      const Column motion = column < 3 ? Column(from_world.col(last) * rotated[next] -
-                                                from_world.col(next) * rotated[last])
-                                       : Column(from_world.col(k));
+      const Column motion =
+          column < 3
+              ? Column(from_world.col(last) * rotated[next] - from_world.col(next) * rotated[last])
+              : Column(from_world.col(k));
       for (int r = 0; r < Rows; ++r) rows[r * stride + i] = motion[r];
     }
   }

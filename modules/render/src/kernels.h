@@ -49,10 +49,10 @@ struct RasteriseArgs {
   int32_t x0, y0, x1, y1;  // pixels drawn
   // Leave out triangles whose area is positive: rows count downwards, so they are seen from behind.
   bool front_only;
-  PixelKey* keys;          // of pixel (x0, y0)
-  int32_t stride;          // of the rows of `keys`, a multiple of 8
-  int32_t* large;          // out: rows of `triangles` too large for this kernel, room for `count`
-  int64_t large_count;     // out
+  PixelKey* keys;       // of pixel (x0, y0)
+  int32_t stride;       // of the rows of `keys`, a multiple of 8
+  int32_t* large;       // out: rows of `triangles` too large for this kernel, room for `count`
+  int64_t large_count;  // out
 };
 
 struct ListArgs {

@@ -57,10 +57,10 @@ class ParametricModel {
     return false;
   }
 
-  /// The motion of vertices in the image: rows 2 i and 2 i + 1 of `out` are image_from_world[i] times
-  /// the three rows of vertices[i] in the VertexJacobian, in as many columns; the columns of `out`
-  /// past those are zero. `out` has two rows per listed vertex. Returns false like vertex_jacobian.
-  /// Worth overriding where the three rows need not be written for it.
+  /// The motion of vertices in the image: rows 2 i and 2 i + 1 of `out` are image_from_world[i]
+  /// times the three rows of vertices[i] in the VertexJacobian, in as many columns; the columns of
+  /// `out` past those are zero. `out` has two rows per listed vertex. Returns false like
+  /// vertex_jacobian. Worth overriding where the three rows need not be written for it.
   virtual bool image_jacobian(const Eigen::VectorXd& x, const std::vector<int>& tangent_columns,
                               const std::vector<int>& vertices,
                               const std::vector<ImageFromWorld>& image_from_world,
