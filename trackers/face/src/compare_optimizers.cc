@@ -398,7 +398,9 @@ OptimizerComparison compare_optimizers(const CompareOptions& options, Progress& 
   const Camera camera = distorted.without_distortion();
   const MorphShape shape = load_face(options.model);
   const std::map<int, Points2> truth = read_truth(options.truth, shape.landmarks.size());
-  FaceTracker tracker(shape, camera, {.seed = options.seed});
+  FaceTrackerOptions tracking;
+  tracking.seed = options.seed;
+  FaceTracker tracker(shape, camera, tracking);
   const std::vector<TrackFrame> tracked = track_clip(options, distorted, tracker, progress);
   const std::vector<TrackFrame> chosen = spread(tracked, options.frames);
   TexturedPerson person(tracker.shape(), camera);
