@@ -224,7 +224,7 @@ std::vector<int> coverage(const SceneObject& object, const Camera& camera) {
   VisiblePixels pixels;
   for (Eigen::Index t = 0; t < object.mesh->triangle_count(); ++t) {
     auto mesh = std::make_shared<Mesh>(*object.mesh);
-    mesh->triangles = object.mesh->triangles.row(t).eval();
+    mesh->triangles = object.mesh->triangles.middleRows(t, 1);
     Scene scene;
     scene.objects = {object};
     scene.objects[0].mesh = mesh;
