@@ -124,6 +124,17 @@ SynthesisObjective::SynthesisObjective(SynthesisWorkspace& workspace, Eigen::Vec
   }
 }
 
+void SynthesisObjective::set_step_scale(const Eigen::VectorXd& tangent_sigma) {
+  std::vector<ParameterBlock> blocks = space_.blocks();
+  Eigen::Index entry = 0;
+  for (ParameterBlock& block : blocks) {
+    const int size = ParameterSpace::tangent_size(block);
+    block.prior_sigma = tangent_sigma.segment(entry, size);
+    entry += size;
+  }
+  space_ = ParameterSpace(std::move(blocks));
+}
+
 Eigen::VectorXd SynthesisObjective::restrict_to_free(const Eigen::VectorXd& whole) const {
   const ParameterSpace& all = workspace_.model().parameters();
   Eigen::VectorXd out(space_.size());

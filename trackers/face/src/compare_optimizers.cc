@@ -41,32 +41,13 @@ constexpr double kNear_px = 0.5;  // a solution this close to the best has found
 
 using Points2 = std::vector<Eigen::Vector2d>;
 
-/// The same objective with steps as large as the starts are wrong. A model's own scales are made
-/// for all it can do (metres of translation), far wider than one frame's uncertainty.
-class StartScaledObjective final : public Objective {
- public:
-  StartScaledObjective(const SynthesisObjective& objective, double distance_m)
-      : objective_(objective) {
-    std::vector<ParameterBlock> blocks = objective.space().blocks();
-    for (ParameterBlock& block : blocks) {
-      const bool rotation = block.manifold == Manifold::rotation;
-      const double scale = rotation                      ? kRotation
-                           : block.name == "translation" ? kTranslationShare * distance_m
-                                                         : kExpression;
-      block.prior_sigma.setConstant(scale);
-    }
-    space_ = ParameterSpace(std::move(blocks));
-  }
-  const ParameterSpace& space() const override { return space_; }
-  double evaluate(const Eigen::VectorXd& x) const override { return objective_.evaluate(x); }
-  bool normal_equations(const Eigen::VectorXd& x, NormalEquations& out) const override {
-    return objective_.normal_equations(x, out);
-  }
-
- private:
-  const SynthesisObjective& objective_;
-  ParameterSpace space_;
-};
+/// Steps as large as the starts are wrong.
+Eigen::VectorXd start_sigma(const ParameterSpace& space, double distance_m) {
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(space.tangent_size(), kExpression);
+  sigma.head<3>().setConstant(kRotation);
+  sigma.segment<3>(3).setConstant(kTranslationShare * distance_m);
+  return sigma;
+}
 
 std::vector<float> unseen_confidence(const MorphShape& shape) {
   std::vector<float> confidence = vertex_confidence(shape);
@@ -258,9 +239,9 @@ void compare_frame(const CompareOptions& options, TexturedPerson& person, const 
   const PhotometricCost photometric =
       person.photometric(observation, person.photometric_options(x));
   const PriorCost prior(person.space());
-  const SynthesisObjective unscaled =
+  SynthesisObjective objective =
       person.objective(x, person.light_at(observation, x), {&photometric, &prior});
-  const StartScaledObjective objective(unscaled, person.distance_m(x));
+  objective.set_step_scale(start_sigma(objective.space(), person.distance_m(x)));
   const Eigen::VectorXd start =
       displaced(person.space(), x, person.distance_m(x), options.seed, tracked.frame);
   ComparedSolution at_start;

@@ -70,6 +70,18 @@ std::vector<float> unseen_confidence(const MorphShape& shape) {
 
 bool is_blink(const std::string& name) { return name.find("blink") != std::string::npos; }
 
+/// Deviations of the prediction of a frame from the one before, per tangent entry.
+Eigen::VectorXd frame_to_frame_sigma(const ParameterSpace& space) {
+  Eigen::VectorXd sigma(space.tangent_size());
+  sigma.head<3>().setConstant(kRotationPerFrame);
+  sigma.segment<3>(3).setConstant(kTranslationPerFrame_m);
+  for (std::size_t b = 2; b < space.blocks().size(); ++b) {
+    sigma[space.tangent_offset(static_cast<int>(b))] =
+        is_blink(space.blocks()[b].name) ? kBlinkPerFrame : kExpressionPerFrame;
+  }
+  return sigma;
+}
+
 void write_vector(std::ostream& out, const double* data, std::uint64_t size) {
   out.write(reinterpret_cast<const char*>(&size), sizeof size);
   out.write(reinterpret_cast<const char*>(data),
@@ -114,7 +126,7 @@ struct FaceTracker::Impl {
     gradient.step_tolerance = 1e-2;
     gradient.cost_tolerance = 1e-3;
     gradient.seed = options.seed;
-    gradient.search_radius = 0.3;
+    gradient.search_radius = 1.0;
     gradient.max_evaluations = 1500;
     optimizer = make_optimizer(options.optimizer, gradient);
     polish = make_optimizer("lm", gradient);
@@ -132,8 +144,6 @@ struct FaceTracker::Impl {
   bool start(const Observation& observation);
   void make_person(const Eigen::VectorXd& identity);
   std::vector<int> free_blocks() const;
-  PriorCost temporal_prior(const SynthesisObjective& objective, const Eigen::VectorXd& mean,
-                           double looseness) const;
   Attempt fit_frame(const Observation& observation, const Eigen::VectorXd& predicted,
                     double looseness, const Optimizer& method) const;
   Attempt search(const Observation& observation) const;
@@ -208,19 +218,6 @@ std::vector<int> FaceTracker::Impl::free_blocks() const {
   return blocks;
 }
 
-PriorCost FaceTracker::Impl::temporal_prior(const SynthesisObjective& objective,
-                                            const Eigen::VectorXd& mean, double looseness) const {
-  const ParameterSpace& space = objective.space();
-  Eigen::VectorXd sigma(space.tangent_size());
-  sigma.head<3>().setConstant(kRotationPerFrame);
-  sigma.segment<3>(3).setConstant(kTranslationPerFrame_m);
-  for (std::size_t b = 2; b < space.blocks().size(); ++b) {
-    sigma[space.tangent_offset(static_cast<int>(b))] =
-        is_blink(space.blocks()[b].name) ? kBlinkPerFrame : kExpressionPerFrame;
-  }
-  return PriorCost(mean, looseness * sigma);
-}
-
 FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& observation,
                                                         const Eigen::VectorXd& predicted,
                                                         double looseness,
@@ -260,9 +257,11 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
     const PhotometricCost cost(&level, &person->appearance, &person->topology,
                                &person->triangle_weight, photometric);
     const PriorCost prior(probe.space());
-    const PriorCost temporal = temporal_prior(probe, probe.restrict_to_free(predicted), looseness);
-    const SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
-                                       {&cost, &prior, &temporal});
+    const Eigen::VectorXd spread = looseness * frame_to_frame_sigma(probe.space());
+    const PriorCost temporal(probe.restrict_to_free(predicted), spread);
+    SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
+                                 {&cost, &prior, &temporal});
+    objective.set_step_scale(spread);
     const Solution solution = method.minimize(objective, start, silent_progress());
     attempt.x = objective.full(solution.x);
     if (l > 0) continue;
