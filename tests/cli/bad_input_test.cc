@@ -129,7 +129,7 @@ TEST_F(BadInput, TruncatedVideo) {
   EXPECT_THAT(result.output, AllOf(HasSubstr("cut.avi"), HasSubstr("cut off")));
   // The lines of the frames before the cut stay, for --resume; pictures and tables are not made.
   EXPECT_THAT(results(), IsSubsetOf({"track.jsonl", "checkpoint.bin"}));
-  if (results().count("track.jsonl") > 0) EXPECT_NO_THROW(read_track(path("out/track.jsonl")));
+  EXPECT_GT(read_track(path("out/track.jsonl")).frames.size(), 5u);
 }
 
 TEST_F(BadInput, VideoWithoutItsEndIsNoVideo) {
