@@ -44,8 +44,8 @@ class SynthesisObjective : public Objective {
   double evaluate(const Eigen::VectorXd& x) const override;
   bool normal_equations(const Eigen::VectorXd& x, NormalEquations& out) const override;
 
-  /// How far each tangent entry is expected to move: what tangent_scale() of space() returns from now
-  /// on. Optimizers take their steps, search radii and tolerances from it.
+  /// How far each tangent entry is expected to move: what tangent_scale() of space() returns from
+  /// now on. Optimizers take their steps, search radii and tolerances from it.
   void set_step_scale(const Eigen::VectorXd& tangent_sigma);
 
   /// The free entries of a full parameter vector, and the full vector for free entries.
