@@ -101,7 +101,6 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
     writer.emplace(TrackWriter::append(results));
   } else {
     std::filesystem::remove(checkpoint);
-    writer.emplace(results, run.header);
   }
 
   const int first = static_cast<int>(earlier.size());
@@ -120,6 +119,8 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
     const double time_s = frame->index / rate;
     const TrackFrame result = tracker.track(frame->index, time_s, frame->observation);
     outcome.times.track_s += seconds_since(frame_begin);
+    // Made with the first result, so that input which cannot be tracked at all leaves nothing.
+    if (!writer) writer.emplace(results, run.header);
     writer->write(result);
     count(result, outcome);
     sink(frame->picture, result);
