@@ -256,7 +256,7 @@ Mesh select_triangles(const Mesh& mesh, const std::vector<bool>& keep,
 
 Eigen::Vector3d sphere_centre(const std::vector<Eigen::Vector3d>& points) {
   // |p|^2 = 2 c'p + (r^2 - |c|^2) is linear in c and the last term.
-  const Eigen::Vector3d origin = points.front();
+  const Eigen::Vector3d& origin = points.front();
   Eigen::MatrixXd a(points.size(), 4);
   Eigen::VectorXd b(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
