@@ -279,18 +279,19 @@ TEST(BackgroundQueue, RethrowsWhatTheConsumerThrew) {
 TEST(BackgroundQueue, DropsWaitingJobsWithoutFinish) {
   std::atomic<bool> open{false};
   std::atomic<int> consumed{0};
+  std::thread opener;
   {
     BackgroundQueue<int> queue(8, [&](int&) {
       while (!open) std::this_thread::yield();
       ++consumed;
     });
     for (int i = 0; i < 5; ++i) queue.push(i);
-    std::thread opener([&] {
+    opener = std::thread([&] {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
       open = true;
     });
-    opener.detach();
   }
+  opener.join();
   EXPECT_LE(consumed, 1);
 }
 
