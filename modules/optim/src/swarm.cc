@@ -129,8 +129,8 @@ class CovarianceAdaptation final : public SamplingOptimizer {
                               pagmo_seed(search));
     for (;;) {
       rehearsal = {};
-      const pagmo::cmaes copy = method;
-      copy.evolve(population);
+      // On a copy: `evolve` is const but moves the method's inner state on.
+      pagmo::cmaes(method).evolve(population);
       if (rehearsal.ys.empty()) throw Stop{Termination::converged, "CMA-ES found nothing to try"};
       rehearsal.costs = search.evaluate(rehearsal.ys);
       search.stop_if_collapsed(rehearsal.ys);
