@@ -147,7 +147,7 @@ struct FaceTracker::Impl {
   Attempt fit_frame(const Observation& observation, const Eigen::VectorXd& predicted,
                     double looseness, const Optimizer& method) const;
   Attempt search(const Observation& observation) const;
-  void judge(const Camera& at, Attempt& attempt) const;
+  void judge(Attempt& attempt) const;
   void gather(const Observation& observation, const Attempt& attempt, bool first);
   TrackFrame report(int frame, double time_s, TrackStatus status, const Attempt& attempt) const;
   /// Pose, parameters, deviations and landmarks of a line.
@@ -270,12 +270,11 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
       attempt.statistics = cost.statistics(synthesis);
     });
   }
-  judge(camera, attempt);
+  judge(attempt);
   return attempt;
 }
 
-void FaceTracker::Impl::judge(const Camera& at, Attempt& attempt) const {
-  (void)at;
+void FaceTracker::Impl::judge(Attempt& attempt) const {
   const PhotometricCost::Statistics& s = attempt.statistics;
   const double z = depth(attempt.x);
   const double expected = state.pixels_at_one_metre / (z * z);
