@@ -32,6 +32,62 @@ Eigen::VectorXd acceleration_sigma(const ParameterSpace& space) {
 
 }  // namespace
 
+namespace {
+
+const std::size_t kKeyframes = ::getenv("BK") ? atoi(::getenv("BK")) : 8;
+constexpr int kScannedFrames = 240;
+constexpr double kKeyframeCorrelation = 0.78, kKeyframeTurn = 0.07;  // rad
+
+double turn_between(const Keyframe& a, const Keyframe& b) {
+  return 2.0 * std::acos(std::min(1.0, std::abs(a.x.head<4>().dot(b.x.head<4>()))));
+}
+
+double nearest_turn(const std::vector<Keyframe>& all, std::size_t k) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (i != k) least = std::min(least, turn_between(all[i], all[k]));
+  }
+  return least;
+}
+
+/// Adds a frame if it shows another side; one too many makes the least different one go.
+void offer(Keyframe candidate, std::vector<Keyframe>& kept) {
+  kept.push_back(std::move(candidate));
+  if (kept.size() == 1) return;
+  if (nearest_turn(kept, kept.size() - 1) < kKeyframeTurn) {
+    kept.pop_back();
+  } else if (kept.size() > kKeyframes) {
+    std::size_t worst = 1;
+    for (std::size_t k = 2; k < kept.size(); ++k) {
+      if (nearest_turn(kept, k) < nearest_turn(kept, worst)) worst = k;
+    }
+    kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(worst));
+  }
+}
+
+}  // namespace
+
+std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& camera,
+                                     const MorphShape& shape, const FaceTrackerOptions& options,
+                                     Progress& progress) {
+  FaceTracker tracker(shape, camera.without_distortion(), options);
+  std::vector<Keyframe> kept;
+  FrameFeed feed(video, camera, tracker.pyramid_levels(), 0);
+  progress.begin("learning the face", kScannedFrames);
+  while (std::optional<PreparedFrame> prepared = feed.next()) {
+    if (prepared->index >= kScannedFrames || progress.cancelled()) break;
+    const TrackFrame frame = tracker.track(prepared->index, 0.0, prepared->observation);
+    progress.update(prepared->index + 1);
+    if (frame.status == TrackStatus::lost) continue;
+    if (!kept.empty() && frame.extra.value("correlation", 0.0) < kKeyframeCorrelation) continue;
+    offer({frame.frame, frame.x, std::make_shared<const Observation>(std::move(prepared->observation)),
+           kept.empty() ? options.first_marks : std::vector<FaceMark>()},
+          kept);
+  }
+  progress.end();
+  return kept;
+}
+
 void smooth_track(const std::string& video, const FaceTracker& tracker, const Camera& camera,
                   std::vector<TrackFrame>& frames, Progress& progress) {
   const ParameterSpace& space = tracker.frame_parameters();

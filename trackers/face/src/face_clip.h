@@ -3,10 +3,17 @@
 
 #include <string>
 
+#include "face_bundle.h"
 #include "semblance/core/progress.h"
 #include "semblance/face/face_tracker.h"
 
 namespace semblance {
+
+/// Up to `most` frames that show the face from as many sides as can be, among the first `frames`
+/// of a clip, the first tracked one always with them. Empty where no face is found.
+std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& camera,
+                                     const MorphShape& shape, const FaceTrackerOptions& options,
+                                     Progress& progress);
 
 /// Replaces the estimates of `track` by those of a solve over all frames together, in both
 /// directions in time: image terms linearised anew in each of three rounds, constant velocity

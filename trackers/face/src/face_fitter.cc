@@ -21,6 +21,7 @@ constexpr double kEyeDetection = 0.03;
 constexpr std::size_t kRefinedStarts = 4;
 // Side of a patch whose residuals are alike, in distances between the eyes.
 constexpr double kGenericCorrelation = 0.2;
+constexpr double kPartEyes_px = 24.0, kPartSigma = 0.1;  // of the comparison without a texture
 constexpr double kFaceWidth = 2.2;  // side of the face's picture, in distances between the eyes
 constexpr double kRestingExpression = 0.4;  // of the prior's width: first frames are mostly calm
 
@@ -151,6 +152,63 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
       fit.statistics = cost.statistics(synthesis);
     });
   }
+}
+
+ShLight FaceFitter::part_light(const Observation& observation, const Camera& full_camera,
+                               const Eigen::VectorXd& x) const {
+  const int index = level_for(observation, eye_distance_px(full_camera, x), kPartEyes_px);
+  const ObservationLevel& level = observation.levels[static_cast<std::size_t>(index)];
+  const Camera camera = full_camera.scaled(level.scale);
+  ShLight light;
+  const std::vector<int> free = all_blocks(model_);
+  for (int round = 0; round < 2; ++round) {
+    const SynthesisObjective probe(workspace_, x, free, light, camera, {});
+    probe.with_synthesis(x, [&](const Synthesis& synthesis) {
+      if (synthesis.pixels.size() == 0) return;
+      PhotometricOptions photometric;
+      photometric.sigma = kPartSigma;
+      photometric.robust_width = 2.0;
+      photometric.texture_level = matching_texture_level(synthesis, appearance_, topology_);
+      const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
+      light = estimate_light(synthesis, level, appearance_, topology_,
+                             round == 0 ? std::vector<float>(synthesis.pixels.size(), 1.0f)
+                                        : cost.statistics(synthesis).pixel_weight,
+                             {.pull = 0.01, .order = 1, .stride = 1});
+    });
+  }
+  return light;
+}
+
+double FaceFitter::compare_parts(const Observation& observation, const Camera& full_camera,
+                                 const Eigen::VectorXd& x, const std::vector<FaceMark>& marks,
+                                 NormalEquations* out) const {
+  const int index = level_for(observation, eye_distance_px(full_camera, x), kPartEyes_px);
+  const ObservationLevel& level = observation.levels[static_cast<std::size_t>(index)];
+  const Camera camera = full_camera.scaled(level.scale);
+  PhotometricOptions photometric;
+  photometric.sigma = kPartSigma;
+  photometric.robust_width = 2.0;
+  const double patch_px = kGenericCorrelation * eye_distance_px(full_camera, x) * level.scale;
+  photometric.correlation_area_px = std::max(4.0, patch_px * patch_px);
+  photometric.reference_pixels = std::pow(kFaceWidth * patch_px / kGenericCorrelation, 2.0);
+  const std::vector<int> free = all_blocks(model_);
+  const ShLight light = part_light(observation, full_camera, x);
+  const SynthesisObjective probe(workspace_, x, free, light, camera, {});
+  probe.with_synthesis(x, [&](const Synthesis& synthesis) {
+    photometric.texture_level = matching_texture_level(synthesis, appearance_, topology_);
+  });
+  const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
+  std::vector<LandmarkTarget> targets;
+  for (const FaceMark& mark : marks) {
+    const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
+    targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
+  }
+  const LandmarkCost landmarks(targets, &topology_, full_camera.width, 20.0);
+  std::vector<const Cost*> costs = {&cost};
+  if (!marks.empty()) costs.push_back(&landmarks);
+  const SynthesisObjective objective(workspace_, x, free, light, camera, costs);
+  if (out == nullptr) return objective.evaluate(x);
+  return objective.normal_equations(x, *out) ? out->cost : std::numeric_limits<double>::infinity();
 }
 
 FaceFit FaceFitter::finish(const Observation& observation, const Camera& camera,

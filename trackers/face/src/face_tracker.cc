@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "face_bundle.h"
 #include "face_parts.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
@@ -26,10 +27,10 @@ constexpr double kTranslationPerFrame_m = 0.012;
 constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
 constexpr double kVelocityDamping = 0.7;
 // Residuals of neighbours are alike over such areas, whatever one frame's lag correlation says.
-constexpr double kLeastCorrelationArea_px2 = 25.0, kLargestCorrelationArea_px2 = 400.0;
+const double kLeastCorrelationArea_px2 = ::getenv("TCA") ? atof(::getenv("TCA")) : 25.0, kLargestCorrelationArea_px2 = 400.0;
 // A still face fits far better than a turned one: tighter than this, turning would look like being
 // covered.
-constexpr double kLeastSigma = 0.035, kLargestSigma = 0.08;
+const double kLeastSigma = ::getenv("TLS") ? atof(::getenv("TLS")) : 0.035, kLargestSigma = 0.08;
 // The Gauss-Newton covariance knows noise, not that the model is another person's head: on
 // generated clips of an independent model (suite ict-talking) errors of rotation were this many
 // times larger.
@@ -59,6 +60,7 @@ struct State {
   double views = 0.0;                // gathered so far
   double pixels_at_one_metre = 0.0;  // visible pixels times depth squared at the first fit
   Eigen::Vector4d gathered_at = Eigen::Vector4d::Zero();
+  Eigen::Vector4d first_view = Eigen::Vector4d::Zero();  // rotation the texture began with
 };
 
 /// While tracking, a guessed colour counts little beside those that were seen.
@@ -206,6 +208,7 @@ bool FaceTracker::Impl::start(const Observation& observation) {
   Attempt first;
   first.x = state.x;
   first.light = fit.light;
+  state.first_view = state.x.head<4>();
   gather(observation, first, true);
   return true;
 }
@@ -471,6 +474,32 @@ void FaceTracker::replace_estimate(const SmoothedFrame& smoothed, TrackFrame& fr
   impl_->write_estimate(smoothed.x, rotation_covariance, smoothed.sigma, frame);
 }
 
+void FaceTracker::learn_person(const std::vector<Keyframe>& keyframes) {
+  Impl& m = *impl_;
+  State& s = m.state;
+  const FaceBundle bundle = adjust_bundle(m.fitter, m.generic, m.camera, keyframes);
+  s = State();
+  s.identity = bundle.identity;
+  s.identity_sigma = bundle.identity_sigma;
+  m.make_person(s.identity);
+  s.velocity = Eigen::VectorXd::Zero(6);
+  s.initialised = true;
+  s.tracking = true;
+  const Eigen::Index expressions = bundle.x.front().size() - 7 - s.identity.size();
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    Impl::Attempt view;
+    view.x.resize(7 + expressions);
+    view.x << bundle.x[k].head<7>(), bundle.x[k].tail(expressions);
+    view.light = bundle.light[k];
+    if (k == 0) {
+      s.x = view.x;
+      s.first_view = view.x.head<4>();
+      s.light = view.light;
+    }
+    m.gather(*keyframes[k].observation, view, true);
+  }
+}
+
 TrackFrame FaceTracker::track(int frame, double time_s, const Observation& observation) {
   Impl& m = *impl_;
   State& s = m.state;
@@ -516,8 +545,11 @@ TrackFrame FaceTracker::track(int frame, double time_s, const Observation& obser
       0.9 * s.correlation_area_px +
       0.1 * std::clamp(area, kLeastCorrelationArea_px2, kLargestCorrelationArea_px2);
   const TrackFrame out = m.report(frame, time_s, status, attempt);
-  const double cosine = std::min(1.0, std::abs(s.gathered_at.dot(attempt.x.head<4>())));
-  if ((s.views < kFirstViews || 2.0 * std::acos(cosine) > kGatherTurn) &&
+  const auto turn_from = [&](const Eigen::Vector4d& view) {
+    return 2.0 * std::acos(std::min(1.0, std::abs(view.dot(attempt.x.head<4>()))));
+  };
+  static const double kMost = ::getenv("GMAX") ? atof(::getenv("GMAX")) : 9;
+  if ((s.views < kFirstViews || turn_from(s.gathered_at) > kGatherTurn) && turn_from(s.first_view) < kMost &&
       attempt.statistics.correlation > kGatherCorrelation) {
     m.gather(observation, attempt, false);
   }
@@ -536,6 +568,7 @@ void FaceTracker::save_state(std::ostream& out) const {
   const double scalars[4] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre, s.views};
   write_vector(out, scalars, 4);
   write_vector(out, s.gathered_at.data(), 4);
+  write_vector(out, s.first_view.data(), 4);
   Eigen::Matrix<double, 27, 1> light;
   for (int k = 0; k < 9; ++k) light.segment<3>(3 * k) = s.light.coefficients[k].cast<double>();
   write_vector(out, light.data(), 27);
@@ -569,6 +602,7 @@ void FaceTracker::restore_state(std::istream& in, const std::string& source) {
     s.pixels_at_one_metre = scalars[2];
     s.views = scalars[3];
     read_vector(in, s.gathered_at.data(), 4, source);
+    read_vector(in, s.first_view.data(), 4, source);
     Eigen::Matrix<double, 27, 1> light;
     read_vector(in, light.data(), 27, source);
     for (int k = 0; k < 9; ++k) s.light.coefficients[k] = light.segment<3>(3 * k).cast<float>();

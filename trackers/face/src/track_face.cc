@@ -127,6 +127,9 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
     tracking.first_marks = marks_from(options.points, shape.landmarks.size(), camera);
   }
   FaceTracker tracker(shape, camera.without_distortion(), tracking);
+  const std::vector<Keyframe> keyframes =
+      find_keyframes(options.video, camera, shape, tracking, progress);
+  if (!keyframes.empty() && !::getenv("NO_BUNDLE")) tracker.learn_person(keyframes);
   prepare_folder(options.folder);
   const fs::path folder(options.folder);
 

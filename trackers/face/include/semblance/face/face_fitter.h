@@ -42,6 +42,15 @@ class FaceFitter {
   FaceFit fit(const Observation& observation, const Camera& camera,
               const std::vector<FaceMark>& marks) const;
 
+  /// The light under which the coloured face at x looks most like the image: ambient and direction.
+  ShLight part_light(const Observation& observation, const Camera& camera,
+                     const Eigen::VectorXd& x) const;
+  /// Cost of the coloured face at x (its own light solved for) and of the marks, without priors;
+  /// normal equations over all parameters of the model are added to `out` where it is not null.
+  double compare_parts(const Observation& observation, const Camera& camera,
+                       const Eigen::VectorXd& x, const std::vector<FaceMark>& marks,
+                       NormalEquations* out) const;
+
   const SurfaceTopology& topology() const { return topology_; }
   /// The coloured face that is compared with the image.
   const Appearance& generic_appearance() const { return appearance_; }

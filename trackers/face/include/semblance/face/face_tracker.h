@@ -21,6 +21,8 @@ struct FaceTrackerOptions {
   int texture_size = 512;
 };
 
+struct Keyframe;
+
 /// Analysis by synthesis per frame: predict the pose, render the textured face, compare with the
 /// image, change pose and expression until the two look alike, from coarse to fine; then update the
 /// light, fill parts of the texture that were not seen before, and judge whether to believe it.
@@ -38,6 +40,10 @@ class FaceTracker : public FrameTracker {
   /// no estimate, and the following frames search anew. Throws InvalidInput if the first frame with
   /// faces shows several and none was chosen.
   TrackFrame track(int frame, double time_s, const Observation& observation) override;
+
+  /// Settles the person before tracking starts: shape and texture from keyframes of the clip, whose
+  /// estimates are a tracker's. The next frame is sought near the first keyframe.
+  void learn_person(const std::vector<Keyframe>& keyframes);
 
   int pyramid_levels() const override;
   /// True once a face was found.
