@@ -25,7 +25,7 @@ struct ShadeInput {
 };
 
 struct CompareInput {
-  const std::int32_t* pixel;  // as many as are shaded
+  const std::int32_t* pixel;  // as many as are shaded, ascending
   const float* observed;      // 4 per image pixel (ObservationLevel): encoded rgb, 0
   const float* gradient;      // 8 per image pixel
   float inverse_variance;     // 1 / sigma^2
@@ -35,6 +35,13 @@ struct CompareInput {
 struct CompareSums {
   double cost = 0.0;    // sum of weight * rho / 2
   double weight = 0.0;  // sum of weight
+};
+
+struct LightInput {
+  std::size_t count;           // vertices
+  const float *normals, *uvs;  // 3 and 2 per vertex
+  float coefficients[9][3];    // of ShLight
+  int texture_width, texture_height;
 };
 
 struct Kernel {
@@ -47,6 +54,8 @@ struct Kernel {
   /// floats each, order of SurfaceEquations). `colour` comes from `shade`.
   double (*linearize)(const ShadeInput& shading, const CompareInput& input, const float* colour,
                       float scale, float* accumulators);
+  /// The vertices' texel coordinates and encoded light.
+  void (*light_vertices)(const LightInput& input, VertexRecord* out);
 };
 
 /// The fastest kernel this machine can run.
@@ -55,6 +64,7 @@ const Kernel& photometric_kernel();
 extern const Kernel portable_kernel;
 #if defined(__x86_64__)
 extern const Kernel avx2_kernel;
+extern const Kernel avx512_kernel;
 #endif
 
 }  // namespace semblance::detail

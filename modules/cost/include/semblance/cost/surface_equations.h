@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "semblance/core/mesh.h"
-#include "semblance/cost/surface_coupling.h"
+#include "semblance/cost/surface_spoke.h"
 #include "semblance/optim/objective.h"
 
 namespace semblance {
@@ -22,11 +22,8 @@ struct SurfaceTopology {
   std::vector<std::array<int, 3>> triangles;
   std::vector<std::array<int, 3>> triangle_edges;  // opposite corner 0, 1, 2
   int edge_count = 0;
-  struct Spoke {
-    int edge, other;  // the vertex at the edge's other end
-  };
-  std::vector<Spoke> spokes;     // grouped by vertex
-  std::vector<int> first_spoke;  // per vertex, and one more
+  std::vector<SurfaceSpoke> spokes;  // grouped by vertex
+  std::vector<int> first_spoke;      // per vertex, and one more
 };
 
 /// Sums J'WJ and J'Wr of residuals whose value depends on where a surface point appears in the
@@ -46,9 +43,9 @@ class SurfaceEquations {
   void add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy, float m_yy,
            float v_x, float v_y);
   /// For code that adds many points: 24 sums per triangle of the topology, of which those of the
-  /// given triangles (with repetition) may be changed. Float 8 j + k is the sum of entry j of
-  /// (m_xx, m_xy, m_yy) times b_i b_j of the corner pair k of 00, 11, 22, 12, 20, 01; floats 8 j +
-  /// 6 and 8 j + 7 are the sums of b_j (v_x, v_y).
+  /// given triangles (with repetition) may be changed. Floats 8 k to 8 k + 2 are the sums of b_k^2
+  /// (m_xx, m_xy, m_yy), 8 k + 3 of b_k v_x, 8 k + 4 to 8 k + 6 of b_i b_j (m_xx, m_xy, m_yy) for
+  /// the other corners i and j, and 8 k + 7 of b_k v_y.
   float* accumulators(std::span<const std::int32_t> triangles);
   /// Vertices of triangles where the sum of m is not zero, ascending: the only ones whose motion
   /// matters.
@@ -56,17 +53,18 @@ class SurfaceEquations {
 
   using Motion = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   /// Columns that a Motion should have for so many parameters: those past the last one hold zero.
-  static Eigen::Index padded_columns(Eigen::Index parameters) { return (parameters + 7) / 8 * 8; }
+  static Eigen::Index padded_columns(Eigen::Index parameters) {
+    return (parameters + 15) / 16 * 16;
+  }
   /// Adds H and g to `out`, whose size is the number of parameters. `motion` holds, for vertex
   /// k = touched_vertices()[i], rows 2 i and 2 i + 1: derivatives of its x and y pixel with respect
-  /// to the parameters. It has padded_columns() columns.
+  /// to the parameters. Throws InvalidInput unless it has padded_columns() columns.
   void assemble(const Motion& motion, NormalEquations& out);
 
  private:
   static constexpr int kStride = 24;
   void touch(std::int32_t triangle);
   void gather_blocks();
-  void list_couplings();
 
   const SurfaceTopology* topology_;
   std::vector<float> accumulators_;       // kStride per triangle, zero where not touched
@@ -75,11 +73,9 @@ class SurfaceEquations {
   std::vector<int> touched_vertices_;
   std::vector<int> slot_of_vertex_;  // index into touched_vertices_, -1 where untouched
   bool vertices_current_ = false;
-  std::vector<float> edge_blocks_;          // per edge: m, zero between calls
-  std::vector<float> pull_;                 // per touched vertex: v
-  std::vector<SurfaceCoupling> self_;       // per touched vertex
-  std::vector<SurfaceCoupling> couplings_;  // grouped by touched vertex
-  std::vector<std::int32_t> first_coupling_;
+  std::vector<float> edge_blocks_;  // 4 per edge: m, and what does not matter
+  std::vector<float> own_;          // 4 per touched vertex: m, v_x
+  std::vector<float> pull_y_;       // per touched vertex: v_y
   std::vector<float> scratch_, hessian_, gradient_;
 };
 
