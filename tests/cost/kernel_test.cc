@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "photometric_kernel.h"
 #include "processor.h"
@@ -129,7 +130,10 @@ void expect_formulas(const Kernel& kernel) {
     EXPECT_NEAR(sums.weight, expected.weight, 1e-5 * count);
 
     std::vector<float> accumulators(24 * Scene::triangles, 1.0f);  // what was there stays
-    EXPECT_NEAR(kernel.linearize(shading, comparison, colour.data(), scale, accumulators.data()),
+    std::vector<std::int32_t> slots(Scene::triangles);
+    std::iota(slots.begin(), slots.end(), 0);
+    EXPECT_NEAR(kernel.linearize(shading, comparison, colour.data(), scale,
+                                 {accumulators.data(), slots.data()}),
                 expected.cost, tolerance);
     double largest = 0.0;
     for (const double value : expected.accumulators) largest = std::max(largest, std::abs(value));

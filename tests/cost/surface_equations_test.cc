@@ -55,7 +55,7 @@ TEST_P(SurfaceTest, EqualDenseNormalEquations) {
         equations.add(t, f(b[0]), f(b[1]), f(b[2]), m[0], m[1], m[2], f(w * r * g[0]),
                       f(w * r * g[1]));
       } else {  // by the documented order of the sums
-        float* a = equations.accumulators(std::vector<std::int32_t>{t}) + std::ptrdiff_t{24} * t;
+        float* a = equations.accumulators(std::vector<std::int32_t>{t}).of(t);
         for (int p = 0; p < 3; ++p, a += 8) {
           for (int j = 0; j < 3; ++j) {
             a[j] += f(b[p] * b[p]) * m[j];

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "semblance/cost/surface_parts.h"
+
 namespace semblance::detail {
 
 /// Per vertex: texel coordinates (column, row; texel centres at integers), encoded light, padding.
@@ -50,10 +52,10 @@ struct Kernel {
   double (*shade)(const ShadeInput& input, float* colour);
   /// Sums only, shading on the way.
   CompareSums (*compare)(const ShadeInput& shading, const CompareInput& input);
-  /// Sum of cost, and adds scale times every pixel's 24 numbers to its triangle's accumulator (24
-  /// floats each, order of SurfaceEquations). `colour` comes from `shade`.
+  /// Sum of cost, and adds scale times every pixel's 24 numbers to its triangle's sums. `colour`
+  /// comes from `shade`.
   double (*linearize)(const ShadeInput& shading, const CompareInput& input, const float* colour,
-                      float scale, float* accumulators);
+                      float scale, const SurfaceAccumulators& out);
   /// The vertices' texel coordinates and encoded light.
   void (*light_vertices)(const LightInput& input, VertexRecord* out);
 };

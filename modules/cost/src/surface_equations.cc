@@ -43,32 +43,23 @@ SurfaceTopology::SurfaceTopology(const Triangles& faces) {
 
 SurfaceEquations::SurfaceEquations(const SurfaceTopology* topology)
     : topology_(topology),
-      accumulators_(topology->triangles.size() * kStride, 0.0f),
-      is_touched_(topology->triangles.size(), 0),
+      accumulators_(topology->triangles.size() * SurfaceAccumulators::stride),
+      slot_of_triangle_(topology->triangles.size(), -1),
+      touched_triangles_(topology->triangles.size() + 1),
       slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1) {}
 
 void SurfaceEquations::reset() {
-  for (const std::int32_t t : touched_triangles_) {
-    std::fill_n(accumulators_.begin() + std::ptrdiff_t{kStride} * t, kStride, 0.0f);
-    is_touched_[t] = 0;
-  }
-  touched_triangles_.clear();
+  for (const std::int32_t t : touched_triangles()) slot_of_triangle_[t] = -1;
+  touched_count_ = 0;
   vertices_current_ = false;
-}
-
-void SurfaceEquations::touch(std::int32_t triangle) {
-  if (is_touched_[triangle] != 0) return;
-  is_touched_[triangle] = 1;
-  touched_triangles_.push_back(triangle);
 }
 
 void SurfaceEquations::add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy,
                            float m_yy, float v_x, float v_y) {
-  touch(triangle);
-  vertices_current_ = false;
+  const std::int32_t touched[] = {triangle};
+  float* a = accumulators(touched).of(triangle);
   const float b[3] = {b0, b1, b2};
   const float m[3] = {m_xx, m_xy, m_yy};
-  float* a = accumulators_.data() + std::ptrdiff_t{kStride} * triangle;
   for (int k = 0; k < 3; ++k, a += 8) {
     for (int j = 0; j < 3; ++j) {
       a[j] += b[k] * b[k] * m[j];
@@ -79,28 +70,32 @@ void SurfaceEquations::add(int triangle, float b0, float b1, float b2, float m_x
   }
 }
 
-float* SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
+SurfaceAccumulators SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
   vertices_current_ = false;
   // Without a branch, since whether a point's triangle is new cannot be predicted.
-  std::size_t count = touched_triangles_.size();
-  touched_triangles_.resize(topology_->triangles.size() + 1);
+  auto count = static_cast<std::int32_t>(touched_count_);
   for (const std::int32_t t : triangles) {
     touched_triangles_[count] = t;
-    count += std::size_t{1} - is_touched_[t];
-    is_touched_[t] = 1;
+    const std::int32_t slot = slot_of_triangle_[t];
+    slot_of_triangle_[t] = slot < 0 ? count : slot;
+    count += slot < 0 ? 1 : 0;
   }
-  touched_triangles_.resize(count);
-  return accumulators_.data();
+  std::fill(accumulators_.begin() + SurfaceAccumulators::stride * touched_count_,
+            accumulators_.begin() + SurfaceAccumulators::stride * count, 0.0f);
+  touched_count_ = count;
+  return {accumulators_.data(), slot_of_triangle_.data()};
 }
 
 const std::vector<int>& SurfaceEquations::touched_vertices() {
   if (vertices_current_) return touched_vertices_;
   std::fill(slot_of_vertex_.begin(), slot_of_vertex_.end(), -1);
-  for (const std::int32_t t : touched_triangles_) {
-    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
+  const float* a = accumulators_.data();
+  for (const std::int32_t t : touched_triangles()) {
     // The trace of the corners' own blocks: zero only where nothing, or nothing with a gradient,
     // was added.
-    if (a[0] + a[2] + a[8] + a[10] + a[16] + a[18] <= 0.0f) continue;
+    const bool matters = a[0] + a[2] + a[8] + a[10] + a[16] + a[18] > 0.0f;
+    a += SurfaceAccumulators::stride;
+    if (!matters) continue;
     for (int vertex : topology_->triangles[t]) slot_of_vertex_[vertex] = 0;
   }
   touched_vertices_.clear();
@@ -113,19 +108,24 @@ const std::vector<int>& SurfaceEquations::touched_vertices() {
   return touched_vertices_;
 }
 
+namespace {
+using Four = Eigen::Map<Eigen::Array4f>;
+using FourOf = Eigen::Map<const Eigen::Array4f>;
+}  // namespace
+
 /// Sums of the triangles' accumulators per vertex and edge.
 void SurfaceEquations::gather_blocks() {
   own_.assign(4 * touched_vertices_.size(), 0.0f);
   pull_y_.assign(touched_vertices_.size(), 0.0f);
   edge_blocks_.assign(std::size_t{4} * topology_->edge_count, 0.0f);
-  for (const std::int32_t t : touched_triangles_) {
-    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
+  const float* a = accumulators_.data();
+  for (const std::int32_t t : touched_triangles()) {
     for (int k = 0; k < 3; ++k, a += 8) {
       const int slot = slot_of_vertex_[topology_->triangles[t][k]];
-      if (slot < 0) break;
-      float* own = own_.data() + std::ptrdiff_t{4} * slot;
-      float* edge = edge_blocks_.data() + std::ptrdiff_t{4} * topology_->triangle_edges[t][k];
-      for (int j = 0; j < 4; ++j) own[j] += a[j], edge[j] += a[4 + j];
+      if (slot < 0) continue;
+      const std::ptrdiff_t edge = topology_->triangle_edges[t][k];
+      Four(own_.data() + std::ptrdiff_t{4} * slot) += FourOf(a);
+      Four(edge_blocks_.data() + 4 * edge) += FourOf(a + 4);
       pull_y_[slot] += a[7];
     }
   }

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "semblance/cost/surface_spoke.h"
+#include "semblance/cost/surface_parts.h"
 
 namespace semblance::detail {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "semblance/core/mesh.h"
-#include "semblance/cost/surface_spoke.h"
+#include "semblance/cost/surface_parts.h"
 #include "semblance/optim/objective.h"
 
 namespace semblance {
@@ -42,11 +42,9 @@ class SurfaceEquations {
   /// and pixel.
   void add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy, float m_yy,
            float v_x, float v_y);
-  /// For code that adds many points: 24 sums per triangle of the topology, of which those of the
-  /// given triangles (with repetition) may be changed. Floats 8 k to 8 k + 2 are the sums of b_k^2
-  /// (m_xx, m_xy, m_yy), 8 k + 3 of b_k v_x, 8 k + 4 to 8 k + 6 of b_i b_j (m_xx, m_xy, m_yy) for
-  /// the other corners i and j, and 8 k + 7 of b_k v_y.
-  float* accumulators(std::span<const std::int32_t> triangles);
+  /// For code that adds many points: the sums of the given triangles (with repetition), and of
+  /// those touched before, may be changed until the next call.
+  SurfaceAccumulators accumulators(std::span<const std::int32_t> triangles);
   /// Vertices of triangles where the sum of m is not zero, ascending: the only ones whose motion
   /// matters.
   const std::vector<int>& touched_vertices();
@@ -62,14 +60,17 @@ class SurfaceEquations {
   void assemble(const Motion& motion, NormalEquations& out);
 
  private:
-  static constexpr int kStride = 24;
-  void touch(std::int32_t triangle);
   void gather_blocks();
+  std::span<const std::int32_t> touched_triangles() const {
+    return {touched_triangles_.data(), touched_count_};
+  }
 
   const SurfaceTopology* topology_;
-  std::vector<float> accumulators_;       // kStride per triangle, zero where not touched
-  std::vector<std::uint8_t> is_touched_;  // per triangle
-  std::vector<std::int32_t> touched_triangles_;
+  // Sums of touched triangles only, side by side: they then stay in the cache.
+  std::vector<float> accumulators_;
+  std::vector<std::int32_t> slot_of_triangle_;   // -1 where not touched
+  std::vector<std::int32_t> touched_triangles_;  // by slot; the first touched_count_ count
+  std::size_t touched_count_ = 0;
   std::vector<int> touched_vertices_;
   std::vector<int> slot_of_vertex_;  // index into touched_vertices_, -1 where untouched
   bool vertices_current_ = false;
