@@ -9,7 +9,8 @@
 namespace semblance::detail {
 
 /// Per vertex: texel coordinates (column, row; texel centres at integers), encoded light, padding.
-struct VertexRecord {
+/// Aligned, so that none lies across two lines of the cache.
+struct alignas(32) VertexRecord {
   float column, row, pad0, pad1;
   float red, green, blue, one;
 };

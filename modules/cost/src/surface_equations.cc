@@ -43,7 +43,7 @@ SurfaceTopology::SurfaceTopology(const Triangles& faces) {
 
 SurfaceEquations::SurfaceEquations(const SurfaceTopology* topology)
     : topology_(topology),
-      accumulators_(topology->triangles.size() * SurfaceAccumulators::stride),
+      accumulators_(topology->triangles.size()),
       slot_of_triangle_(topology->triangles.size(), -1),
       touched_triangles_(topology->triangles.size() + 1),
       slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1) {}
@@ -80,22 +80,21 @@ SurfaceAccumulators SurfaceEquations::accumulators(std::span<const std::int32_t>
     slot_of_triangle_[t] = slot < 0 ? count : slot;
     count += slot < 0 ? 1 : 0;
   }
-  std::fill(accumulators_.begin() + SurfaceAccumulators::stride * touched_count_,
-            accumulators_.begin() + SurfaceAccumulators::stride * count, 0.0f);
+  std::fill(accumulators_.begin() + static_cast<std::ptrdiff_t>(touched_count_),
+            accumulators_.begin() + count, Sums{});
   touched_count_ = count;
-  return {accumulators_.data(), slot_of_triangle_.data()};
+  return {accumulators_.data()->values, slot_of_triangle_.data()};
 }
 
 const std::vector<int>& SurfaceEquations::touched_vertices() {
   if (vertices_current_) return touched_vertices_;
   std::fill(slot_of_vertex_.begin(), slot_of_vertex_.end(), -1);
-  const float* a = accumulators_.data();
+  const Sums* sums = accumulators_.data();
   for (const std::int32_t t : touched_triangles()) {
+    const float* a = (sums++)->values;
     // The trace of the corners' own blocks: zero only where nothing, or nothing with a gradient,
     // was added.
-    const bool matters = a[0] + a[2] + a[8] + a[10] + a[16] + a[18] > 0.0f;
-    a += SurfaceAccumulators::stride;
-    if (!matters) continue;
+    if (a[0] + a[2] + a[8] + a[10] + a[16] + a[18] <= 0.0f) continue;
     for (int vertex : topology_->triangles[t]) slot_of_vertex_[vertex] = 0;
   }
   touched_vertices_.clear();
@@ -118,8 +117,9 @@ void SurfaceEquations::gather_blocks() {
   own_.assign(4 * touched_vertices_.size(), 0.0f);
   pull_y_.assign(touched_vertices_.size(), 0.0f);
   edge_blocks_.assign(std::size_t{4} * topology_->edge_count, 0.0f);
-  const float* a = accumulators_.data();
+  const Sums* sums = accumulators_.data();
   for (const std::int32_t t : touched_triangles()) {
+    const float* a = (sums++)->values;
     for (int k = 0; k < 3; ++k, a += 8) {
       const int slot = slot_of_vertex_[topology_->triangles[t][k]];
       if (slot < 0) continue;

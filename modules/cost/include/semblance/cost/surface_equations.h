@@ -67,7 +67,10 @@ class SurfaceEquations {
 
   const SurfaceTopology* topology_;
   // Sums of touched triangles only, side by side: they then stay in the cache.
-  std::vector<float> accumulators_;
+  struct alignas(32) Sums {  // none lies across two lines of the cache
+    float values[SurfaceAccumulators::stride] = {};
+  };
+  std::vector<Sums> accumulators_;
   std::vector<std::int32_t> slot_of_triangle_;   // -1 where not touched
   std::vector<std::int32_t> touched_triangles_;  // by slot; the first touched_count_ count
   std::size_t touched_count_ = 0;
