@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <numeric>
+
 #include "photometric_kernel.h"
+#include "processor.h"
 #include "semblance/core/random.h"
 
 namespace semblance::detail {
@@ -13,7 +17,7 @@ struct Scene {
   std::vector<std::int32_t> triangle, pixel, corners;
   std::vector<float> b1, b2, weight, texels, observed, gradient;
   std::vector<VertexRecord> vertices;
-  static constexpr int width = 19, height = 23, pixels = 500, triangles = 40, vertex_count = 30;
+  static constexpr int width = 19, height = 23, pixels = 3000, triangles = 40, vertex_count = 30;
 
   explicit Scene(std::size_t count_in) : count(count_in) {
     const auto number = [&](double low, double high) {
@@ -21,7 +25,8 @@ struct Scene {
     };
     for (std::size_t i = 0; i < count; ++i) {
       triangle.push_back(random.integer(triangles));
-      pixel.push_back(random.integer(pixels));
+      // In runs, as the rows of a picture have.
+      pixel.push_back(i == 0 ? 0 : pixel.back() + (random.integer(40) == 0 ? 30 : 1));
       b1.push_back(number(0.0, 0.5));
       b2.push_back(number(0.0, 0.5));
     }
@@ -91,13 +96,15 @@ struct Scene {
       out.cost += 0.5 * shaded[3] * s * q;
       const double w = scale * shaded[3] * q * q / (0.1 * 0.1);
       const double b[3] = {1.0 - b1[i] - b2[i], b1[i], b2[i]};
-      constexpr int pairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}};
       const double m[3] = {xx, xy, yy};
       double* a = out.accumulators.data() + std::ptrdiff_t{24} * triangle[i];
-      for (int j = 0; j < 3; ++j) {
-        for (int k = 0; k < 6; ++k) a[8 * j + k] += w * b[pairs[k][0]] * b[pairs[k][1]] * m[j];
-        a[8 * j + 6] += w * b[j] * vx;
-        a[8 * j + 7] += w * b[j] * vy;
+      for (int k = 0; k < 3; ++k, a += 8) {
+        for (int j = 0; j < 3; ++j) {
+          a[j] += w * b[k] * b[k] * m[j];
+          a[4 + j] += w * b[(k + 1) % 3] * b[(k + 2) % 3] * m[j];
+        }
+        a[3] += w * b[k] * vx;
+        a[7] += w * b[k] * vy;
       }
     }
     return out;
@@ -123,7 +130,10 @@ void expect_formulas(const Kernel& kernel) {
     EXPECT_NEAR(sums.weight, expected.weight, 1e-5 * count);
 
     std::vector<float> accumulators(24 * Scene::triangles, 1.0f);  // what was there stays
-    EXPECT_NEAR(kernel.linearize(shading, comparison, colour.data(), scale, accumulators.data()),
+    std::vector<std::int32_t> slots(Scene::triangles);
+    std::iota(slots.begin(), slots.end(), 0);
+    EXPECT_NEAR(kernel.linearize(shading, comparison, colour.data(), scale,
+                                 {accumulators.data(), slots.data()}),
                 expected.cost, tolerance);
     double largest = 0.0;
     for (const double value : expected.accumulators) largest = std::max(largest, std::abs(value));
@@ -133,13 +143,54 @@ void expect_formulas(const Kernel& kernel) {
   }
 }
 
-TEST(PhotometricKernel, PortableFollowsTheFormulas) { expect_formulas(portable_kernel); }
+/// Light from the formulas, in double precision.
+void expect_light(const Kernel& kernel) {
+  for (const std::size_t count : {1u, 15u, 16u, 255u, 256u, 257u, 700u}) {
+    Random random(17);
+    std::vector<float> normals, uvs;
+    for (std::size_t i = 0; i < count; ++i) {
+      for (int k = 0; k < 3; ++k) normals.push_back(static_cast<float>(random.uniform(-0.6, 0.6)));
+      for (int k = 0; k < 2; ++k) uvs.push_back(static_cast<float>(random.uniform()));
+    }
+    LightInput input{count, normals.data(), uvs.data(), {}, 64, 48};
+    for (auto& coefficient : input.coefficients)
+      for (float& value : coefficient) value = static_cast<float>(random.uniform(-0.5, 0.8));
+    std::vector<VertexRecord> records(count);
+    kernel.light_vertices(input, records.data());
+    for (std::size_t i = 0; i < count; ++i) {
+      const double x = normals[3 * i], y = normals[3 * i + 1], z = normals[3 * i + 2];
+      const double basis[9] = {1, y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y};
+      double light[3] = {0, 0, 0};
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 9; ++k) light[c] += basis[k] * input.coefficients[k][c];
+        light[c] = std::sqrt(std::max(light[c], 0.01));
+      }
+      ASSERT_NEAR(records[i].column, 64 * uvs[2 * i] - 0.5, 1e-5);
+      ASSERT_NEAR(records[i].row, 48 * (1 - uvs[2 * i + 1]) - 0.5, 1e-5);
+      ASSERT_NEAR(records[i].red, light[0], 1e-5);
+      ASSERT_NEAR(records[i].green, light[1], 1e-5);
+      ASSERT_NEAR(records[i].blue, light[2], 1e-5);
+      ASSERT_EQ(records[i].one, 1.0f);
+    }
+  }
+}
+
+TEST(PhotometricKernel, PortableFollowsTheFormulas) {
+  expect_formulas(portable_kernel);
+  expect_light(portable_kernel);
+}
 
 #if defined(__x86_64__)
-TEST(PhotometricKernel, WideFollowsTheFormulas) {
-  if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma"))
-    GTEST_SKIP() << "needs AVX2 and FMA";
+TEST(PhotometricKernel, Avx2FollowsTheFormulas) {
+  if (!has_avx2()) GTEST_SKIP() << "needs AVX2 and FMA";
   expect_formulas(avx2_kernel);
+  expect_light(avx2_kernel);
+}
+
+TEST(PhotometricKernel, Avx512FollowsTheFormulas) {
+  if (!has_avx512()) GTEST_SKIP() << "needs AVX-512";
+  expect_formulas(avx512_kernel);
+  expect_light(avx512_kernel);
 }
 #endif
 

@@ -165,7 +165,8 @@ TEST_F(PhotometricTest, GradientIsThatOfPointsFixedToTheSurface) {
     std::vector<int> columns{0, 1, 2, 3, 4, 5, 6, 7};
     sheet.model.vertex_jacobian(x0, columns, nullptr, jacobian);
     const std::vector<int>& vertices = surface.touched_vertices();
-    SurfaceEquations::Motion motion(2 * static_cast<Eigen::Index>(vertices.size()), 8);
+    SurfaceEquations::Motion motion = SurfaceEquations::Motion::Zero(
+        2 * static_cast<Eigen::Index>(vertices.size()), SurfaceEquations::padded_columns(8));
     const Eigen::Matrix3d rotation = sheet.camera.camera_from_world.rotation.toRotationMatrix();
     Scene scene;
     sheet.model.synthesize(x0, scene);
@@ -176,7 +177,7 @@ TEST_F(PhotometricTest, GradientIsThatOfPointsFixedToTheSurface) {
       Eigen::Matrix<double, 2, 3> pixel_from_camera;
       pixel_from_camera << 180.0 / p.z(), 0.0, -180.0 * p.x() / (p.z() * p.z()), 0.0, 180.0 / p.z(),
           -180.0 * p.y() / (p.z() * p.z());
-      motion.middleRows(2 * static_cast<Eigen::Index>(i), 2) =
+      motion.block<2, 8>(2 * static_cast<Eigen::Index>(i), 0) =
           (pixel_from_camera * rotation * jacobian.middleRows(3 * vertices[i], 3).cast<double>())
               .cast<float>();
     }

@@ -124,11 +124,14 @@ TEST_P(Catalogue, BarycentricsAndDepthAreThoseOfThePixelsCentre) {
   }
 }
 
-TEST_P(Catalogue, PortableAndWideInstructionsGiveTheSameBits) {
-  VisiblePixels portable;
-  Rasteriser(Rasteriser::Instructions::portable)
-      .visible_pixels(scene().scene, scene().camera, nullptr, portable);
-  EXPECT_TRUE(same(portable, visible(scene().scene, scene().camera)));
+TEST_P(Catalogue, AllInstructionsGiveTheSameBits) {
+  const VisiblePixels best = visible(scene().scene, scene().camera);
+  for (const auto instructions :
+       {Rasteriser::Instructions::portable, Rasteriser::Instructions::avx2}) {
+    VisiblePixels other;
+    Rasteriser(instructions).visible_pixels(scene().scene, scene().camera, nullptr, other);
+    EXPECT_TRUE(same(other, best));
+  }
 }
 
 TEST_P(Catalogue, FrontFacesHideWhatLiesBehindThemAndBackFacesNothing) {

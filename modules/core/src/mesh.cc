@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
+#include <algorithm>
 #include <vector>
 
 #include "semblance/core/errors.h"
@@ -18,6 +18,29 @@ Float4 cross(Float4 a, Float4 b) {
   const Float4 b_yzx = __builtin_shufflevector(b, b, 1, 2, 0, 3);
   const Float4 c = a * b_yzx - a_yzx * b;
   return __builtin_shufflevector(c, c, 1, 2, 0, 3);
+}
+
+/// Adds a triangle's normal, as long as twice its area, to the sums of its corners.
+void add_normal(const Float4* points, const int* corner, Float4* sums) {
+  const Float4 a = points[corner[0]];
+  const Float4 normal = cross(points[corner[1]] - a, points[corner[2]] - a);
+  for (int k = 0; k < 3; ++k) sums[corner[k]] += normal;
+}
+
+/// What scales each of four vectors to unit length; finite for zero.
+Eigen::Array4f inverse_lengths(const Float4* vectors) {
+  const Float4 a = vectors[0] * vectors[0], b = vectors[1] * vectors[1];
+  const Float4 c = vectors[2] * vectors[2], d = vectors[3] * vectors[3];
+  const Float4 ab = __builtin_shufflevector(a, b, 0, 4, 1, 5);
+  const Float4 cd = __builtin_shufflevector(c, d, 0, 4, 1, 5);
+  const Float4 x = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
+  const Float4 y = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  const Float4 z = __builtin_shufflevector(__builtin_shufflevector(a, b, 2, 6, 3, 7),
+                                           __builtin_shufflevector(c, d, 2, 6, 3, 7), 0, 1, 4, 5);
+  const Float4 squared = x + y + z;
+  Eigen::Array4f lengths;
+  __builtin_memcpy(lengths.data(), &squared, sizeof squared);
+  return lengths.max(1e-36f).sqrt().inverse();
 }
 
 void check_positions(const Mesh& mesh, const std::string& source) {
@@ -71,25 +94,33 @@ void vertex_normals(const PointsF& positions_m,
   thread_local std::vector<Float4> points_scratch, sums_scratch;
   const Eigen::Index count = positions_m.rows();
   points_scratch.resize(count);
-  sums_scratch.assign(count, Float4{});
+  sums_scratch.assign(count + 4, Float4{});  // whole groups of four
   Float4* const points = points_scratch.data();
   Float4* const sums = sums_scratch.data();
   const float* p = positions_m.data();
   for (Eigen::Index i = 0; i < count; ++i, p += 3) points[i] = Float4{p[0], p[1], p[2], 0.0f};
-  const int* t = triangles.data();
-  for (Eigen::Index i = 0; i < triangles.rows(); ++i, t += 3) {
-    const Float4 a = points[t[0]];
-    const Float4 normal = cross(points[t[1]] - a, points[t[2]] - a);  // length: twice the area
-    for (int k = 0; k < 3; ++k) sums[t[k]] += normal;
+  // Neighbours in the list share corners, and each would wait for the other's sum: two at a time,
+  // from far apart.
+  const Eigen::Index half = triangles.rows() / 2;
+  const int* const corners = triangles.data();
+  for (Eigen::Index i = 0; i < half; ++i) {
+    add_normal(points, corners + 3 * i, sums);
+    add_normal(points, corners + 3 * (half + i), sums);
   }
+  if (triangles.rows() % 2 != 0) add_normal(points, corners + 6 * half, sums);
   normals.resize(count, 3);
-  float* n = normals.data();
-  for (Eigen::Index i = 0; i < count; ++i, n += 3) {
-    const Float4 sum = sums[i];
-    const float squared = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-    const float scale = squared > 1e-36f ? 1.0f / std::sqrt(squared) : 0.0f;
-    for (int k = 0; k < 3; ++k) n[k] = scale * sum[k];
+  float* const n = normals.data();
+  const auto write = [&](Eigen::Index i, float scale) {
+    const Float4 unit = scale * sums[i];
+    for (int k = 0; k < 3; ++k) n[3 * i + k] = unit[k];
+  };
+  Eigen::Index i = 0;
+  for (; i + 4 <= count; i += 4) {
+    const Eigen::Array4f scale = inverse_lengths(sums + i);
+    for (int k = 0; k < 4; ++k) write(i + k, scale[k]);
   }
+  const Eigen::Array4f scale = inverse_lengths(sums + i);
+  for (int k = 0; i + k < count; ++k) write(i + k, scale[k]);
 }
 
 }  // namespace semblance

@@ -15,28 +15,12 @@ void shade_vertices(const Scene& scene, int texture_width, int texture_height,
   const SceneObject& object = scene.objects.front();
   const auto count = static_cast<std::size_t>(object.positions_m.rows());
   out.resize(count);
-  Eigen::Array4f light[9];  // all channels in one vector
+  LightInput input{count, object.normals.data(), object.mesh->uvs.data(),
+                   {},    texture_width,         texture_height};
   for (int k = 0; k < 9; ++k) {
-    const auto& c = scene.light.coefficients[k];
-    light[k] << c[0], c[1], c[2], 0.0f;
+    for (int c = 0; c < 3; ++c) input.coefficients[k][c] = scene.light.coefficients[k][c];
   }
-  for (std::size_t v = 0; v < count; ++v) {
-    const auto n = object.normals.row(static_cast<Eigen::Index>(v));
-    const auto basis = sh_basis(n[0], n[1], n[2]);
-    Eigen::Array4f rgb = basis[0] * light[0];
-    for (int k = 1; k < 9; ++k) rgb += basis[k] * light[k];
-    // Light below one percent would make albedo undefined in gather and gradients vanish.
-    rgb = rgb.max(0.01f).sqrt();
-    const auto index = static_cast<Eigen::Index>(v);
-    out[v] = {object.mesh->uvs(index, 0) * static_cast<float>(texture_width) - 0.5f,
-              (1.0f - object.mesh->uvs(index, 1)) * static_cast<float>(texture_height) - 0.5f,
-              0.0f,
-              0.0f,
-              rgb[0],
-              rgb[1],
-              rgb[2],
-              1.0f};
-  }
+  photometric_kernel().light_vertices(input, out.data());
 }
 
 }  // namespace detail

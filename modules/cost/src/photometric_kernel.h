@@ -4,10 +4,13 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "semblance/cost/surface_parts.h"
+
 namespace semblance::detail {
 
 /// Per vertex: texel coordinates (column, row; texel centres at integers), encoded light, padding.
-struct VertexRecord {
+/// Aligned, so that none lies across two lines of the cache.
+struct alignas(32) VertexRecord {
   float column, row, pad0, pad1;
   float red, green, blue, one;
 };
@@ -25,7 +28,7 @@ struct ShadeInput {
 };
 
 struct CompareInput {
-  const std::int32_t* pixel;  // as many as are shaded
+  const std::int32_t* pixel;  // as many as are shaded, ascending
   const float* observed;      // 4 per image pixel (ObservationLevel): encoded rgb, 0
   const float* gradient;      // 8 per image pixel
   float inverse_variance;     // 1 / sigma^2
@@ -37,16 +40,25 @@ struct CompareSums {
   double weight = 0.0;  // sum of weight
 };
 
+struct LightInput {
+  std::size_t count;           // vertices
+  const float *normals, *uvs;  // 3 and 2 per vertex
+  float coefficients[9][3];    // of ShLight
+  int texture_width, texture_height;
+};
+
 struct Kernel {
   /// colour[4 i ..]: encoded rgb and weight (confidence * triangle weight) of visible pixel i.
   /// Returns the sum of weights.
   double (*shade)(const ShadeInput& input, float* colour);
   /// Sums only, shading on the way.
   CompareSums (*compare)(const ShadeInput& shading, const CompareInput& input);
-  /// Sum of cost, and adds scale times every pixel's 24 numbers to its triangle's accumulator (24
-  /// floats each, order of SurfaceEquations). `colour` comes from `shade`.
+  /// Sum of cost, and adds scale times every pixel's 24 numbers to its triangle's sums. `colour`
+  /// comes from `shade`.
   double (*linearize)(const ShadeInput& shading, const CompareInput& input, const float* colour,
-                      float scale, float* accumulators);
+                      float scale, const SurfaceAccumulators& out);
+  /// The vertices' texel coordinates and encoded light.
+  void (*light_vertices)(const LightInput& input, VertexRecord* out);
 };
 
 /// The fastest kernel this machine can run.
@@ -55,6 +67,7 @@ const Kernel& photometric_kernel();
 extern const Kernel portable_kernel;
 #if defined(__x86_64__)
 extern const Kernel avx2_kernel;
+extern const Kernel avx512_kernel;
 #endif
 
 }  // namespace semblance::detail

@@ -1,8 +1,10 @@
 #include "semblance/cost/surface_equations.h"
 
 #include <algorithm>
+#include <string>
 #include <unordered_map>
 
+#include "semblance/core/errors.h"
 #include "surface_kernel.h"
 
 namespace semblance {
@@ -41,63 +43,58 @@ SurfaceTopology::SurfaceTopology(const Triangles& faces) {
 
 SurfaceEquations::SurfaceEquations(const SurfaceTopology* topology)
     : topology_(topology),
-      accumulators_(topology->triangles.size() * kStride, 0.0f),
-      is_touched_(topology->triangles.size(), 0),
-      slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1),
-      edge_blocks_(std::size_t{3} * topology->edge_count, 0.0f) {}
+      accumulators_(topology->triangles.size()),
+      slot_of_triangle_(topology->triangles.size(), -1),
+      touched_triangles_(topology->triangles.size() + 1),
+      slot_of_vertex_(static_cast<std::size_t>(topology->vertex_count), -1) {}
 
 void SurfaceEquations::reset() {
-  for (const std::int32_t t : touched_triangles_) {
-    std::fill_n(accumulators_.begin() + std::ptrdiff_t{kStride} * t, kStride, 0.0f);
-    is_touched_[t] = 0;
-  }
-  touched_triangles_.clear();
+  for (const std::int32_t t : touched_triangles()) slot_of_triangle_[t] = -1;
+  touched_count_ = 0;
   vertices_current_ = false;
-}
-
-void SurfaceEquations::touch(std::int32_t triangle) {
-  if (is_touched_[triangle] != 0) return;
-  is_touched_[triangle] = 1;
-  touched_triangles_.push_back(triangle);
 }
 
 void SurfaceEquations::add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy,
                            float m_yy, float v_x, float v_y) {
-  touch(triangle);
-  vertices_current_ = false;
+  const std::int32_t touched[] = {triangle};
+  float* a = accumulators(touched).of(triangle);
   const float b[3] = {b0, b1, b2};
-  const float pair[6] = {b0 * b0, b1 * b1, b2 * b2, b1 * b2, b2 * b0, b0 * b1};
   const float m[3] = {m_xx, m_xy, m_yy};
-  float* a = accumulators_.data() + std::ptrdiff_t{kStride} * triangle;
-  for (int j = 0; j < 3; ++j, a += 8) {
-    for (int k = 0; k < 6; ++k) a[k] += pair[k] * m[j];
-    a[6] += b[j] * v_x;
-    a[7] += b[j] * v_y;
+  for (int k = 0; k < 3; ++k, a += 8) {
+    for (int j = 0; j < 3; ++j) {
+      a[j] += b[k] * b[k] * m[j];
+      a[4 + j] += b[(k + 1) % 3] * b[(k + 2) % 3] * m[j];
+    }
+    a[3] += b[k] * v_x;
+    a[7] += b[k] * v_y;
   }
 }
 
-float* SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
+SurfaceAccumulators SurfaceEquations::accumulators(std::span<const std::int32_t> triangles) {
   vertices_current_ = false;
   // Without a branch, since whether a point's triangle is new cannot be predicted.
-  std::size_t count = touched_triangles_.size();
-  touched_triangles_.resize(topology_->triangles.size() + 1);
+  auto count = static_cast<std::int32_t>(touched_count_);
   for (const std::int32_t t : triangles) {
     touched_triangles_[count] = t;
-    count += std::size_t{1} - is_touched_[t];
-    is_touched_[t] = 1;
+    const std::int32_t slot = slot_of_triangle_[t];
+    slot_of_triangle_[t] = slot < 0 ? count : slot;
+    count += slot < 0 ? 1 : 0;
   }
-  touched_triangles_.resize(count);
-  return accumulators_.data();
+  std::fill(accumulators_.begin() + static_cast<std::ptrdiff_t>(touched_count_),
+            accumulators_.begin() + count, Sums{});
+  touched_count_ = count;
+  return {accumulators_.data()->values, slot_of_triangle_.data()};
 }
 
 const std::vector<int>& SurfaceEquations::touched_vertices() {
   if (vertices_current_) return touched_vertices_;
   std::fill(slot_of_vertex_.begin(), slot_of_vertex_.end(), -1);
-  for (const std::int32_t t : touched_triangles_) {
-    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
+  const Sums* sums = accumulators_.data();
+  for (const std::int32_t t : touched_triangles()) {
+    const float* a = (sums++)->values;
     // The trace of the corners' own blocks: zero only where nothing, or nothing with a gradient,
     // was added.
-    if (a[0] + a[1] + a[2] + a[16] + a[17] + a[18] <= 0.0f) continue;
+    if (a[0] + a[2] + a[8] + a[10] + a[16] + a[18] <= 0.0f) continue;
     for (int vertex : topology_->triangles[t]) slot_of_vertex_[vertex] = 0;
   }
   touched_vertices_.clear();
@@ -110,58 +107,53 @@ const std::vector<int>& SurfaceEquations::touched_vertices() {
   return touched_vertices_;
 }
 
+namespace {
+using Four = Eigen::Map<Eigen::Array4f>;
+using FourOf = Eigen::Map<const Eigen::Array4f>;
+}  // namespace
+
 /// Sums of the triangles' accumulators per vertex and edge.
 void SurfaceEquations::gather_blocks() {
-  self_.assign(touched_vertices_.size(), {});
-  pull_.assign(2 * touched_vertices_.size(), 0.0f);
-  for (const std::int32_t t : touched_triangles_) {
-    const float* a = accumulators_.data() + std::ptrdiff_t{kStride} * t;
-    for (int k = 0; k < 3; ++k) {
+  own_.assign(4 * touched_vertices_.size(), 0.0f);
+  pull_y_.assign(touched_vertices_.size(), 0.0f);
+  edge_blocks_.assign(std::size_t{4} * topology_->edge_count, 0.0f);
+  const Sums* sums = accumulators_.data();
+  for (const std::int32_t t : touched_triangles()) {
+    const float* a = (sums++)->values;
+    for (int k = 0; k < 3; ++k, a += 8) {
       const int slot = slot_of_vertex_[topology_->triangles[t][k]];
-      if (slot < 0) break;
-      SurfaceCoupling& own = self_[slot];
-      own.xx += a[k], own.xy += a[8 + k], own.yy += a[16 + k];
-      pull_[2 * slot] += a[8 * k + 6], pull_[2 * slot + 1] += a[8 * k + 7];
-      float* edge = edge_blocks_.data() + std::ptrdiff_t{3} * topology_->triangle_edges[t][k];
-      for (int j = 0; j < 3; ++j) edge[j] += a[8 * j + 3 + k];
-    }
-  }
-}
-
-/// The blocks of every row of the matrix A, the diagonal one first.
-void SurfaceEquations::list_couplings() {
-  couplings_.clear();
-  first_coupling_.assign(1, 0);
-  for (std::size_t i = 0; i < touched_vertices_.size(); ++i) {
-    couplings_.push_back(self_[i]);
-    couplings_.back().slot = static_cast<std::int32_t>(i);
-    const int vertex = touched_vertices_[i];
-    for (int s = topology_->first_spoke[vertex]; s < topology_->first_spoke[vertex + 1]; ++s) {
-      const SurfaceTopology::Spoke& spoke = topology_->spokes[s];
-      const float* edge = edge_blocks_.data() + std::ptrdiff_t{3} * spoke.edge;
-      if (edge[0] == 0.0f && edge[2] == 0.0f) continue;
-      couplings_.push_back({slot_of_vertex_[spoke.other], edge[0], edge[1], edge[2]});
-    }
-    first_coupling_.push_back(static_cast<std::int32_t>(couplings_.size()));
-  }
-  for (const std::int32_t t : touched_triangles_) {
-    for (int edge : topology_->triangle_edges[t]) {
-      std::fill_n(edge_blocks_.begin() + std::ptrdiff_t{3} * edge, 3, 0.0f);
+      if (slot < 0) continue;
+      const std::ptrdiff_t edge = topology_->triangle_edges[t][k];
+      Four(own_.data() + std::ptrdiff_t{4} * slot) += FourOf(a);
+      Four(edge_blocks_.data() + 4 * edge) += FourOf(a + 4);
+      pull_y_[slot] += a[7];
     }
   }
 }
 
 void SurfaceEquations::assemble(const Motion& motion, NormalEquations& out) {
-  touched_vertices();
+  const Eigen::Index rows = 2 * static_cast<Eigen::Index>(touched_vertices().size());
+  if (motion.rows() != rows || motion.cols() != padded_columns(out.gradient.size())) {
+    throw InvalidInput("the motion of a surface has " + std::to_string(motion.rows()) + " x " +
+                       std::to_string(motion.cols()) + " entries: expected " +
+                       std::to_string(rows) + " x " +
+                       std::to_string(padded_columns(out.gradient.size())));
+  }
   gather_blocks();
-  list_couplings();
   const auto stride = static_cast<std::size_t>(motion.cols());
   scratch_.resize(detail::surface_scratch_rows * stride);
   hessian_.assign(stride * stride, 0.0f);
   gradient_.assign(stride, 0.0f);
-  const detail::SurfaceSums sums{
-      touched_vertices_.size(), stride,      motion.data(), couplings_.data(),
-      first_coupling_.data(),   pull_.data()};
+  const detail::SurfaceSums sums{touched_vertices_.size(),
+                                 stride,
+                                 motion.data(),
+                                 touched_vertices_.data(),
+                                 slot_of_vertex_.data(),
+                                 topology_->spokes.data(),
+                                 topology_->first_spoke.data(),
+                                 own_.data(),
+                                 pull_y_.data(),
+                                 edge_blocks_.data()};
   detail::surface_kernel()(sums, scratch_.data(), hessian_.data(), gradient_.data());
   const Eigen::Index size = out.gradient.size();
   for (Eigen::Index r = 0; r < size; ++r) {

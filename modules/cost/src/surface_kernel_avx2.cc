@@ -2,9 +2,12 @@
 #include "surface_kernel.h"
 
 #if defined(__x86_64__)
+#include <utility>
+
 namespace semblance::detail {
 
 namespace {
+constexpr int lanes = 8;
 #include "vectors.inc"
 //
 #include "surface_kernel.inc"

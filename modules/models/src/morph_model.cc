@@ -9,6 +9,16 @@
 namespace semblance {
 namespace {
 
+// A vector of three coordinates in four lanes: every sum and product is one instruction.
+using Float4 = float __attribute__((vector_size(16)));
+
+template <class Vector>
+Float4 float4(const Vector& v) {
+  Float4 out = {};
+  for (Eigen::Index i = 0; i < v.size(); ++i) out[i] = v[i];
+  return out;
+}
+
 Weight field_weight(const MorphField& field, double parameter) {
   return field.weight ? field.weight(parameter) : Weight{parameter, 1.0};
 }
@@ -140,16 +150,12 @@ struct MorphModel::Tables {
     int float_count = 0;
     std::size_t offset = 0;  // of its first float in `run_values`
   };
-  struct Entry {
-    int field = 0;
-    Eigen::Vector3f displacement_m;
-  };
-
   PointsF neutral_m;
   std::vector<Run> runs;
   std::vector<std::size_t> first_run;  // per field, and one more
   std::vector<float> run_values;
-  std::vector<Entry> entries;            // grouped by vertex
+  std::vector<Float4> entries;           // displacements in metre, grouped by vertex
+  std::vector<int> entry_fields;         // of each entry
   std::vector<std::size_t> first_entry;  // per vertex, and one more
 
   explicit Tables(const MorphShape& shape);
@@ -190,12 +196,14 @@ void MorphModel::Tables::add_entries(const MorphShape& shape) {
   }
   for (std::size_t v = 1; v < first_entry.size(); ++v) first_entry[v] += first_entry[v - 1];
   entries.resize(first_entry.back());
+  entry_fields.resize(first_entry.back());
   std::vector<std::size_t> next(first_entry.begin(), first_entry.end() - 1);
   for (std::size_t f = 0; f < shape.fields.size(); ++f) {
     const MorphField& field = shape.fields[f];
     for (std::size_t i = 0; i < field.vertices.size(); ++i) {
-      entries[next[field.vertices[i]]++] = {static_cast<int>(f),
-                                            field.displacement_m.row(i).transpose()};
+      const std::size_t at = next[field.vertices[i]]++;
+      entries[at] = float4(field.displacement_m.row(i));
+      entry_fields[at] = static_cast<int>(f);
     }
   }
 }
@@ -302,46 +310,58 @@ std::vector<FieldState> field_states(const MorphShape& shape, const Eigen::Vecto
 }  // namespace
 
 struct MorphModel::Motion {
+  /// A column of the output that belongs to the pose: number 0 to 5 of the tangent.
+  struct PoseColumn {
+    std::size_t place = 0;
+    int number = 0;
+  };
+
   const Tables& tables;
-  const std::vector<int>& tangent_columns;
   std::vector<FieldState> states;
-  Eigen::Matrix3f rotation;
+  std::vector<PoseColumn> pose_columns;
+  Float4 rotation[3];  // columns
 
   Motion(const MorphModel& model, const Eigen::VectorXd& x, const std::vector<int>& columns)
-      : tables(*model.tables_), tangent_columns(columns), rotation(pose_of(x).rotation) {
+      : tables(*model.tables_) {
     require_size(x, model.space_);
     check_columns(columns, model.space_.tangent_size());
     states = field_states(model.shape_, x, columns);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      if (columns[i] < first_shape_tangent) pose_columns.push_back({i, columns[i]});
+    }
+    const Eigen::Matrix3f world_from_model = pose_of(x).rotation;
+    for (int k = 0; k < 3; ++k) rotation[k] = float4(world_from_model.col(k));
   }
 
   /// Writes from_world * d(R p + t) of a vertex to rows `stride` floats apart.
   template <int Rows>
   void write(int vertex, const Eigen::Matrix<float, Rows, 3, Eigen::RowMajor>& from_world,
              std::size_t stride, float* rows) const {
-    using Column = Eigen::Matrix<float, Rows, 1>;
-    const Eigen::Matrix<float, Rows, 3> from_model = from_world * rotation;
+    Float4 world[3], model[3];  // columns of from_world and of from_world * R
+    for (int k = 0; k < 3; ++k) world[k] = float4(from_world.col(k));
+    for (int k = 0; k < 3; ++k) model[k] = product(world, rotation[k]);
     std::fill(rows, rows + Rows * stride, 0.0f);
-    Eigen::Vector3f position = tables.neutral_m.row(vertex).transpose();
+    Float4 position = float4(tables.neutral_m.row(vertex));
     for (std::size_t e = tables.first_entry[vertex]; e < tables.first_entry[vertex + 1]; ++e) {
-      const Tables::Entry& entry = tables.entries[e];
-      const FieldState& state = states[entry.field];
-      position += state.weight * entry.displacement_m;
+      const Float4 displacement_m = tables.entries[e];
+      const FieldState& state = states[tables.entry_fields[e]];
+      position += state.weight * displacement_m;
       if (state.column < 0) continue;
-      const Column motion = from_model * (state.derivative * entry.displacement_m);
+      const Float4 motion = product(model, state.derivative * displacement_m);
       for (int r = 0; r < Rows; ++r) rows[r * stride + state.column] += motion[r];
     }
     // Rotation column k of d(R p + t) is e_k x (R p), translation column k is e_k.
-    const Eigen::Vector3f rotated = rotation * position;
-    for (std::size_t i = 0; i < tangent_columns.size(); ++i) {
-      const int column = tangent_columns[i];
-      if (column >= first_shape_tangent) continue;
-      const int k = column % 3, next = (k + 1) % 3, last = (k + 2) % 3;
-      const Column motion =
-          column < 3
-              ? Column(from_world.col(last) * rotated[next] - from_world.col(next) * rotated[last])
-              : Column(from_world.col(k));
-      for (int r = 0; r < Rows; ++r) rows[r * stride + i] = motion[r];
+    const Float4 rotated = product(rotation, position);
+    for (const PoseColumn& column : pose_columns) {
+      const int k = column.number % 3, next = (k + 1) % 3, last = (k + 2) % 3;
+      const Float4 motion =
+          column.number < 3 ? world[last] * rotated[next] - world[next] * rotated[last] : world[k];
+      for (int r = 0; r < Rows; ++r) rows[r * stride + column.place] = motion[r];
     }
+  }
+
+  static Float4 product(const Float4* columns, Float4 v) {
+    return columns[0] * v[0] + columns[1] * v[1] + columns[2] * v[2];
   }
 };
 

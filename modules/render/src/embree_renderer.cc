@@ -54,6 +54,9 @@ class EmbreeScene {
 
   /// First surface along origin + t * direction for t >= near; depth_m is t.
   Hit first_hit(const Vector3f& origin, const Vector3f& direction) const;
+  /// The same for many directions from one origin, which Embree follows side by side.
+  std::vector<Hit> first_hits(const Vector3f& origin,
+                              const std::vector<Vector3f>& directions) const;
   bool blocked(const Vector3f& origin, const Vector3f& direction, float distance) const;
 
  private:
@@ -117,10 +120,7 @@ void EmbreeScene::add_triangles(const Scene& scene, const Camera& camera, RTCGeo
   }
 }
 
-Hit EmbreeScene::first_hit(const Vector3f& origin, const Vector3f& direction) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+RTCRayHit make_ray(const Vector3f& origin, const Vector3f& direction) {
   RTCRayHit ray{};
   ray.ray = {origin.x(),
              origin.y(),
@@ -135,10 +135,37 @@ Hit EmbreeScene::first_hit(const Vector3f& origin, const Vector3f& direction) co
              0,
              0};
   ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(scene_, &context, &ray);
+  return ray;
+}
+
+Hit hit_of(const RTCRayHit& ray) {
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
   return {static_cast<int>(ray.hit.primID), ray.hit.u, ray.hit.v, ray.ray.tfar,
           Vector3f(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z).normalized()};
+}
+
+Hit EmbreeScene::first_hit(const Vector3f& origin, const Vector3f& direction) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit ray = make_ray(origin, direction);
+  rtcIntersect1(scene_, &context, &ray);
+  return hit_of(ray);
+}
+
+std::vector<Hit> EmbreeScene::first_hits(const Vector3f& origin,
+                                         const std::vector<Vector3f>& directions) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  std::vector<RTCRayHit> rays;
+  rays.reserve(directions.size());
+  for (const Vector3f& direction : directions) rays.push_back(make_ray(origin, direction));
+  rtcIntersect1M(scene_, &context, rays.data(), static_cast<unsigned>(rays.size()),
+                 sizeof(RTCRayHit));
+  std::vector<Hit> hits;
+  hits.reserve(rays.size());
+  for (const RTCRayHit& ray : rays) hits.push_back(hit_of(ray));
+  return hits;
 }
 
 bool EmbreeScene::blocked(const Vector3f& origin, const Vector3f& direction, float distance) const {
@@ -283,9 +310,17 @@ Vector3f Tracer::mean_colour(int x, int y, const Hit& centre) const {
 }
 
 void Tracer::row(int y, Frame& frame) const {
+  // Directions through a pinhole's pixels change evenly along a row.
+  const Vector3d first = world_from_camera_ * unproject(camera_, {0.5, y + 0.5});
+  const Vector3d step = world_from_camera_.col(0) / camera_.focal_px.x();
+  std::vector<Vector3f> centres;
+  centres.reserve(static_cast<std::size_t>(camera_.width));
+  for (int x = 0; x < camera_.width; ++x) centres.push_back((first + x * step).cast<float>());
+  const std::vector<Hit> hits = embree_.first_hits(origin_, centres);
   for (int x = 0; x < camera_.width; ++x) {
     const std::size_t at = static_cast<std::size_t>(y) * camera_.width + x;
-    const Hit hit = embree_.first_hit(origin_, direction(x + 0.5, y + 0.5));
+    const Hit& hit = hits[x];
+    if (hit.triangle < 0 && options_.samples_per_pixel == 1) continue;  // shows the background
     if (!frame.colour.empty())
       Eigen::Map<Vector3f>(frame.colour.pixel(x, y)) = mean_colour(x, y, hit);
     if (hit.triangle < 0) continue;

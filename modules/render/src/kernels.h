@@ -1,16 +1,20 @@
-// The wide loops behind rasteriser and shading, in two builds of the same source (kernels.inc): one
-// for any processor, one for those with AVX2. Plain pointers only, so that no inline function of
-// another library is compiled with AVX2 and then linked in its place elsewhere.
+// The wide loops behind rasteriser and shading, in three builds of the same source (kernels.inc):
+// for any processor, for those with AVX2, and for those with AVX-512. Plain pointers only, so that
+// no inline function of another library is compiled for one and then linked in its place elsewhere.
 #pragma once
 
 #include <stdint.h>
 
 namespace semblance {
 
+/// The widest vector of any build: what says "room for a multiple of lanes" has room for a multiple
+/// of this.
+constexpr int most_lanes = 16;
+
 /// Screen coordinates are integers of 1/1024 pixel, counted from the first pixel's centre.
 constexpr int subpixel_bits = 10;
 constexpr int subpixel_one = 1 << subpixel_bits;
-/// Triangles no wider and higher than this are set up eight at a time with 32-bit edge functions.
+/// Triangles no wider and higher than this are set up side by side with 32-bit edge functions.
 constexpr int small_extent = 31 * subpixel_one;
 
 /// A vertex on the screen. inverse_z is 0 where it cannot be projected.
@@ -31,8 +35,8 @@ struct ProjectArgs {
   int64_t count;
   float rotation[9], translation[3];  // camera from world, row-major
   float focal_x, focal_y, principal_x, principal_y;
-  ScreenVertex* vertices;              // room for a multiple of 8
-  float* projected;                    // rows of 3, room for a multiple of 8 and one float more
+  ScreenVertex* vertices;              // room for a multiple of lanes
+  float* projected;                    // rows of 3, room for a multiple of lanes and one float more
   int32_t min_x, min_y, max_x, max_y;  // in and out: bounds of the vertices that project
 };
 
@@ -44,13 +48,13 @@ struct RasteriseArgs {
   const int32_t* triangles;  // rows of 3
   int64_t count;
   const ScreenVertex* vertices;
-  TrianglePlanes* planes;  // of the object's first triangle; room for a multiple of 8
+  TrianglePlanes* planes;  // of the object's first triangle; room for a multiple of lanes
   int32_t first_id;
   int32_t x0, y0, x1, y1;  // pixels drawn
   // Leave out triangles whose area is positive: rows count downwards, so they are seen from behind.
   bool front_only;
   PixelKey* keys;       // of pixel (x0, y0)
-  int32_t stride;       // of the rows of `keys`, a multiple of 8
+  int32_t stride;       // of the rows of `keys`, a multiple of lanes
   int32_t* large;       // out: rows of `triangles` too large for this kernel, room for `count`
   int64_t large_count;  // out
 };
@@ -62,7 +66,7 @@ struct ListArgs {
   // Out, one entry per key that is not 0.
   int32_t *pixel, *triangle;
   float *b1, *b2, *depth;
-  // Scratch, room for stride + 16 each.
+  // Scratch, room for stride + 2 lanes each.
   int32_t* pending_triangle;
   float *pending_inverse_z, *pending_x, *pending_y;
 };
@@ -95,7 +99,7 @@ struct LightArgs {
 struct Kernels {
   void (*project)(ProjectArgs& args);
   void (*rasterise)(RasteriseArgs& args);
-  /// How many of `count` keys (a multiple of 8) are not 0.
+  /// How many of `count` keys (a multiple of lanes) are not 0.
   int64_t (*count_seen)(const PixelKey* keys, int64_t count);
   void (*list)(const ListArgs& args);
   void (*interpolate)(const InterpolateArgs& args);
@@ -105,7 +109,9 @@ struct Kernels {
 };
 
 const Kernels& portable_kernels();
-/// Those for the processor this runs on.
+/// Those for AVX2, or the portable ones where the processor lacks it.
+const Kernels& avx2_kernels();
+/// The fastest that the processor can run.
 const Kernels& best_kernels();
 
 }  // namespace semblance

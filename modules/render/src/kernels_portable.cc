@@ -15,15 +15,35 @@ const Kernels& portable_kernels() {
   return kernels;
 }
 
-#ifdef SEMBLANCE_RENDER_AVX2
-const Kernels& avx2_kernels();
-
-const Kernels& best_kernels() {
-  static const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") &&
-                               __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("popcnt");
-  return has_avx2 ? avx2_kernels() : portable_kernels();
+#ifdef SEMBLANCE_RENDER_X86
+namespace avx2 {
+extern const Kernels kernels;
 }
+namespace avx512 {
+extern const Kernels kernels;
+}
+
+namespace {
+
+bool has_avx2() {
+  static const bool has = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") &&
+                          __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("popcnt");
+  return has;
+}
+
+bool has_avx512() {
+  static const bool has = has_avx2() && __builtin_cpu_supports("avx512f") &&
+                          __builtin_cpu_supports("avx512vl") &&
+                          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+  return has;
+}
+
+}  // namespace
+
+const Kernels& avx2_kernels() { return has_avx2() ? avx2::kernels : portable_kernels(); }
+const Kernels& best_kernels() { return has_avx512() ? avx512::kernels : avx2_kernels(); }
 #else
+const Kernels& avx2_kernels() { return portable_kernels(); }
 const Kernels& best_kernels() { return portable_kernels(); }
 #endif
 

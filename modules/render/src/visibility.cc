@@ -122,7 +122,9 @@ void reserve_entries(std::vector<T>& list, std::size_t count) {
 }
 
 /// Rows of the key buffer are padded to the kernels' width.
-int key_stride(const PixelRect& rect) { return (rect.x1 - rect.x0 + 7) / 8 * 8; }
+int key_stride(const PixelRect& rect) {
+  return (rect.x1 - rect.x0 + most_lanes - 1) / most_lanes * most_lanes;
+}
 
 ProjectArgs project_args(const Camera& camera) {
   ProjectArgs args{};
@@ -146,8 +148,8 @@ PixelRect Rasteriser::Impl::project(const Scene& scene, const Camera& camera,
                                     const PixelRect& limit) {
   vertex_count = 0;
   for (const SceneObject& object : scene.objects) vertex_count += object.positions_m.rows();
-  reserve_entries(vertices, vertex_count + 8);
-  reserve_entries(projected, 3 * (vertex_count + 8) + 1);
+  reserve_entries(vertices, vertex_count + most_lanes);
+  reserve_entries(projected, 3 * (vertex_count + most_lanes) + 1);
   ProjectArgs args = project_args(camera);
   args.vertices = vertices.data();
   args.projected = projected.data();
@@ -168,7 +170,7 @@ PixelRect Rasteriser::Impl::project(const Scene& scene, const Camera& camera,
 void Rasteriser::Impl::rasterise(const Scene& scene, const PixelRect& rect) {
   std::size_t triangle_count = 0;
   for (const SceneObject& object : scene.objects) triangle_count += object.mesh->triangle_count();
-  reserve_entries(planes, triangle_count + 8);
+  reserve_entries(planes, triangle_count + most_lanes);
   reserve_entries(large, triangle_count);
   reserve_entries(keys, static_cast<std::size_t>(key_stride(rect)) * (rect.y1 - rect.y0));
   RasteriseArgs args{};
@@ -191,7 +193,7 @@ void Rasteriser::Impl::rasterise(const Scene& scene, const PixelRect& rect) {
 
 void Rasteriser::Impl::list_pixels(const PixelRect& rect, int image_width, VisiblePixels& out) {
   const int stride = key_stride(rect), height = rect.y1 - rect.y0;
-  const std::size_t room = static_cast<std::size_t>(stride) + 16;
+  const std::size_t room = static_cast<std::size_t>(stride) + 2 * most_lanes;
   reserve_entries(pending_triangle, room);
   for (std::vector<float>* list : {&pending_inverse_z, &pending_x, &pending_y})
     reserve_entries(*list, room);
@@ -207,7 +209,9 @@ void Rasteriser::Impl::list_pixels(const PixelRect& rect, int image_width, Visib
 
 Rasteriser::Rasteriser(Instructions instructions, Faces faces) : impl_(std::make_unique<Impl>()) {
   impl_->faces = faces;
-  impl_->kernels = instructions == Instructions::portable ? &portable_kernels() : &best_kernels();
+  impl_->kernels = instructions == Instructions::portable ? &portable_kernels()
+                   : instructions == Instructions::avx2   ? &avx2_kernels()
+                                                          : &best_kernels();
 }
 Rasteriser::~Rasteriser() = default;
 Rasteriser::Rasteriser(Rasteriser&&) noexcept = default;

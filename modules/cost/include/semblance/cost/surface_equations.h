@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "semblance/core/mesh.h"
-#include "semblance/cost/surface_coupling.h"
+#include "semblance/cost/surface_parts.h"
 #include "semblance/optim/objective.h"
 
 namespace semblance {
@@ -22,11 +22,8 @@ struct SurfaceTopology {
   std::vector<std::array<int, 3>> triangles;
   std::vector<std::array<int, 3>> triangle_edges;  // opposite corner 0, 1, 2
   int edge_count = 0;
-  struct Spoke {
-    int edge, other;  // the vertex at the edge's other end
-  };
-  std::vector<Spoke> spokes;     // grouped by vertex
-  std::vector<int> first_spoke;  // per vertex, and one more
+  std::vector<SurfaceSpoke> spokes;  // grouped by vertex
+  std::vector<int> first_spoke;      // per vertex, and one more
 };
 
 /// Sums J'WJ and J'Wr of residuals whose value depends on where a surface point appears in the
@@ -45,41 +42,44 @@ class SurfaceEquations {
   /// and pixel.
   void add(int triangle, float b0, float b1, float b2, float m_xx, float m_xy, float m_yy,
            float v_x, float v_y);
-  /// For code that adds many points: 24 sums per triangle of the topology, of which those of the
-  /// given triangles (with repetition) may be changed. Float 8 j + k is the sum of entry j of
-  /// (m_xx, m_xy, m_yy) times b_i b_j of the corner pair k of 00, 11, 22, 12, 20, 01; floats 8 j +
-  /// 6 and 8 j + 7 are the sums of b_j (v_x, v_y).
-  float* accumulators(std::span<const std::int32_t> triangles);
+  /// For code that adds many points: the sums of the given triangles (with repetition), and of
+  /// those touched before, may be changed until the next call.
+  SurfaceAccumulators accumulators(std::span<const std::int32_t> triangles);
   /// Vertices of triangles where the sum of m is not zero, ascending: the only ones whose motion
   /// matters.
   const std::vector<int>& touched_vertices();
 
   using Motion = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   /// Columns that a Motion should have for so many parameters: those past the last one hold zero.
-  static Eigen::Index padded_columns(Eigen::Index parameters) { return (parameters + 7) / 8 * 8; }
+  static Eigen::Index padded_columns(Eigen::Index parameters) {
+    return (parameters + 15) / 16 * 16;
+  }
   /// Adds H and g to `out`, whose size is the number of parameters. `motion` holds, for vertex
   /// k = touched_vertices()[i], rows 2 i and 2 i + 1: derivatives of its x and y pixel with respect
-  /// to the parameters. It has padded_columns() columns.
+  /// to the parameters. Throws InvalidInput unless it has padded_columns() columns.
   void assemble(const Motion& motion, NormalEquations& out);
 
  private:
-  static constexpr int kStride = 24;
-  void touch(std::int32_t triangle);
   void gather_blocks();
-  void list_couplings();
+  std::span<const std::int32_t> touched_triangles() const {
+    return {touched_triangles_.data(), touched_count_};
+  }
 
   const SurfaceTopology* topology_;
-  std::vector<float> accumulators_;       // kStride per triangle, zero where not touched
-  std::vector<std::uint8_t> is_touched_;  // per triangle
-  std::vector<std::int32_t> touched_triangles_;
+  // Sums of touched triangles only, side by side: they then stay in the cache.
+  struct alignas(32) Sums {  // none lies across two lines of the cache
+    float values[SurfaceAccumulators::stride] = {};
+  };
+  std::vector<Sums> accumulators_;
+  std::vector<std::int32_t> slot_of_triangle_;   // -1 where not touched
+  std::vector<std::int32_t> touched_triangles_;  // by slot; the first touched_count_ count
+  std::size_t touched_count_ = 0;
   std::vector<int> touched_vertices_;
   std::vector<int> slot_of_vertex_;  // index into touched_vertices_, -1 where untouched
   bool vertices_current_ = false;
-  std::vector<float> edge_blocks_;          // per edge: m, zero between calls
-  std::vector<float> pull_;                 // per touched vertex: v
-  std::vector<SurfaceCoupling> self_;       // per touched vertex
-  std::vector<SurfaceCoupling> couplings_;  // grouped by touched vertex
-  std::vector<std::int32_t> first_coupling_;
+  std::vector<float> edge_blocks_;  // 4 per edge: m, and what does not matter
+  std::vector<float> own_;          // 4 per touched vertex: m, v_x
+  std::vector<float> pull_y_;       // per touched vertex: v_y
   std::vector<float> scratch_, hessian_, gradient_;
 };
 

@@ -31,8 +31,9 @@ struct PixelRect {
 /// Our visibility-buffer rasteriser. Keeps its buffers between calls, so one per thread.
 class Rasteriser {
  public:
-  /// Both kinds of instructions give the same bits; `portable` exists to test that.
-  enum class Instructions { best, portable };
+  /// All kinds of instructions give the same bits; others than `best` exist to test that. `avx2` is
+  /// portable where the processor lacks it.
+  enum class Instructions { best, avx2, portable };
   /// `front` leaves out triangles seen from behind, which a closed surface hides anyway.
   enum class Faces { all, front };
   explicit Rasteriser(Instructions instructions = Instructions::best, Faces faces = Faces::all);
