@@ -19,6 +19,9 @@ struct Keyframe {
 /// What several frames say of one person.
 struct FaceBundle {
   Eigen::VectorXd identity, identity_sigma;
+  /// Deviation of the first keyframe's rotation, with what is not known of the shape of the head:
+  /// an error that all frames share.
+  Eigen::Vector3d rotation_sigma_rad;
   std::vector<Eigen::VectorXd> x;  // per keyframe, all with that identity
   std::vector<ShLight> light;      // per keyframe
 };

@@ -30,13 +30,9 @@ Eigen::VectorXd acceleration_sigma(const ParameterSpace& space) {
   return sigma;
 }
 
-}  // namespace
-
-namespace {
-
-const std::size_t kKeyframes = ::getenv("BK") ? atoi(::getenv("BK")) : 8;
+constexpr std::size_t kMostKeyframes = 12, kLeastKeyframes = 3;
 constexpr int kScannedFrames = 240;
-constexpr double kKeyframeCorrelation = 0.78, kKeyframeTurn = 0.07;  // rad
+constexpr double kKeyframeCorrelation = 0.78, kKeyframeTurn_rad = 0.07;
 
 double turn_between(const Keyframe& a, const Keyframe& b) {
   return 2.0 * std::acos(std::min(1.0, std::abs(a.x.head<4>().dot(b.x.head<4>()))));
@@ -54,9 +50,9 @@ double nearest_turn(const std::vector<Keyframe>& all, std::size_t k) {
 void offer(Keyframe candidate, std::vector<Keyframe>& kept) {
   kept.push_back(std::move(candidate));
   if (kept.size() == 1) return;
-  if (nearest_turn(kept, kept.size() - 1) < kKeyframeTurn) {
+  if (nearest_turn(kept, kept.size() - 1) < kKeyframeTurn_rad) {
     kept.pop_back();
-  } else if (kept.size() > kKeyframes) {
+  } else if (kept.size() > kMostKeyframes) {
     std::size_t worst = 1;
     for (std::size_t k = 2; k < kept.size(); ++k) {
       if (nearest_turn(kept, k) < nearest_turn(kept, worst)) worst = k;
@@ -70,7 +66,9 @@ void offer(Keyframe candidate, std::vector<Keyframe>& kept) {
 std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& camera,
                                      const MorphShape& shape, const FaceTrackerOptions& options,
                                      Progress& progress) {
-  FaceTracker tracker(shape, camera.without_distortion(), options);
+  FaceTrackerOptions scanning = options;
+  scanning.optimizer = "lm";
+  FaceTracker tracker(shape, camera.without_distortion(), scanning);
   std::vector<Keyframe> kept;
   FrameFeed feed(video, camera, tracker.pyramid_levels(), 0);
   progress.begin("learning the face", kScannedFrames);
@@ -80,11 +78,13 @@ std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& cam
     progress.update(prepared->index + 1);
     if (frame.status == TrackStatus::lost) continue;
     if (!kept.empty() && frame.extra.value("correlation", 0.0) < kKeyframeCorrelation) continue;
-    offer({frame.frame, frame.x, std::make_shared<const Observation>(std::move(prepared->observation)),
+    offer({frame.frame, frame.x,
+           std::make_shared<const Observation>(std::move(prepared->observation)),
            kept.empty() ? options.first_marks : std::vector<FaceMark>()},
           kept);
   }
   progress.end();
+  if (kept.size() < kLeastKeyframes) kept.clear();
   return kept;
 }
 

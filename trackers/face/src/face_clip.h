@@ -9,8 +9,9 @@
 
 namespace semblance {
 
-/// Up to `most` frames that show the face from as many sides as can be, among the first `frames`
-/// of a clip, the first tracked one always with them. Empty where no face is found.
+/// Frames among the first 240 that show the face from different sides, the first tracked one always
+/// with them: up to twelve, chosen so that the least different pair differs most. Empty where fewer
+/// than three were found: then there is no parallax to learn from.
 std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& camera,
                                      const MorphShape& shape, const FaceTrackerOptions& options,
                                      Progress& progress);

@@ -27,17 +27,23 @@ constexpr double kTranslationPerFrame_m = 0.012;
 constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
 constexpr double kVelocityDamping = 0.7;
 // Residuals of neighbours are alike over such areas, whatever one frame's lag correlation says.
-const double kLeastCorrelationArea_px2 = ::getenv("TCA") ? atof(::getenv("TCA")) : 25.0, kLargestCorrelationArea_px2 = 400.0;
+constexpr double kLeastCorrelationArea_px2 = 25.0, kLargestCorrelationArea_px2 = 400.0;
 // A still face fits far better than a turned one: tighter than this, turning would look like being
 // covered.
-const double kLeastSigma = ::getenv("TLS") ? atof(::getenv("TLS")) : 0.035, kLargestSigma = 0.08;
+constexpr double kLeastSigma = 0.035, kLargestSigma = 0.08;
 // The Gauss-Newton covariance knows noise, not that the model is another person's head: on
 // generated clips of an independent model (suite ict-talking) errors of rotation were this many
 // times larger.
 constexpr double kDiscrepancy = 6.0;
+// Without other views of the head: errors of its frame (rad) and of its size that one picture
+// leaves.
+constexpr double kHeadRotation = 0.05, kHeadSize = 0.06;
 constexpr float kUnseenConfidence = 0.25f;
 constexpr double kGatherCorrelation = 0.8;  // only frames that fit this well add to the texture
 constexpr double kGatherTurn = 0.04;        // rad of turning after which new surface may be in view
+// Far from the first view poses rest on little of the first texture: what they add would make their
+// errors permanent.
+constexpr double kLargestGatherTurn = 0.4;
 constexpr int kFirstViews =
     8;  // after a first fit, all are gathered: their mean is less noisy than one
 
@@ -53,6 +59,9 @@ struct State {
   bool initialised = false;
   bool tracking = false;
   Eigen::VectorXd identity, identity_sigma;
+  // What is not known of the person's head: an error of rotation and one of distance, relative,
+  // that all frames share.
+  double head_rotation_sigma = kHeadRotation, head_size_sigma = kHeadSize;
   Eigen::VectorXd x;         // of the person's model: pose and expression
   Eigen::VectorXd velocity;  // of the pose, tangent, per frame
   ShLight light;
@@ -334,7 +343,7 @@ void FaceTracker::Impl::gather(const Observation& observation, const Attempt& at
     const std::vector<float> flat(synthesis.pixels.size(), 1.0f);
     person->appearance.gather(observation.linear, synthesis.scene.objects[0], camera, attempt.light,
                               synthesis.pixels, first ? flat : attempt.statistics.pixel_weight);
-    if (first) {
+    if (state.pixels_at_one_metre == 0.0) {
       const double z = depth(attempt.x);
       state.pixels_at_one_metre = static_cast<double>(synthesis.pixels.size()) * z * z;
     }
@@ -354,9 +363,11 @@ TrackFrame FaceTracker::Impl::report(int frame, double time_s, TrackStatus statu
     return out;
   }
   const Eigen::Index size = attempt.equations.hessian.rows();
-  const Eigen::MatrixXd covariance =
+  Eigen::MatrixXd covariance =
       kDiscrepancy * kDiscrepancy *
       attempt.equations.hessian.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  covariance.diagonal().head<3>().array() += std::pow(state.head_rotation_sigma, 2.0);
+  covariance.diagonal().segment<3>(3) += (kHeadSize * attempt.x.segment<3>(4)).cwiseAbs2();
   write_estimate(attempt.x, covariance.topLeftCorner<3, 3>(), covariance.diagonal().cwiseSqrt(),
                  out);
   out.residual_rms = attempt.statistics.rms;
@@ -485,6 +496,7 @@ void FaceTracker::learn_person(const std::vector<Keyframe>& keyframes) {
   s.velocity = Eigen::VectorXd::Zero(6);
   s.initialised = true;
   s.tracking = true;
+  s.head_rotation_sigma = bundle.rotation_sigma_rad.norm() / std::sqrt(3.0);
   const Eigen::Index expressions = bundle.x.front().size() - 7 - s.identity.size();
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     Impl::Attempt view;
@@ -548,8 +560,8 @@ TrackFrame FaceTracker::track(int frame, double time_s, const Observation& obser
   const auto turn_from = [&](const Eigen::Vector4d& view) {
     return 2.0 * std::acos(std::min(1.0, std::abs(view.dot(attempt.x.head<4>()))));
   };
-  static const double kMost = ::getenv("GMAX") ? atof(::getenv("GMAX")) : 9;
-  if ((s.views < kFirstViews || turn_from(s.gathered_at) > kGatherTurn) && turn_from(s.first_view) < kMost &&
+  if ((s.views < kFirstViews || turn_from(s.gathered_at) > kGatherTurn) &&
+      turn_from(s.first_view) < kLargestGatherTurn &&
       attempt.statistics.correlation > kGatherCorrelation) {
     m.gather(observation, attempt, false);
   }
@@ -565,8 +577,9 @@ void FaceTracker::save_state(std::ostream& out) const {
   write_vector(out, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity_sigma.size()));
   write_vector(out, s.x.data(), static_cast<std::uint64_t>(s.x.size()));
   write_vector(out, s.velocity.data(), 6);
-  const double scalars[4] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre, s.views};
-  write_vector(out, scalars, 4);
+  const double scalars[5] = {s.sigma, s.correlation_area_px, s.pixels_at_one_metre, s.views,
+                             s.head_rotation_sigma};
+  write_vector(out, scalars, 5);
   write_vector(out, s.gathered_at.data(), 4);
   write_vector(out, s.first_view.data(), 4);
   Eigen::Matrix<double, 27, 1> light;
@@ -595,12 +608,13 @@ void FaceTracker::restore_state(std::istream& in, const std::string& source) {
     read_vector(in, s.identity_sigma.data(), static_cast<std::uint64_t>(s.identity.size()), source);
     read_vector(in, s.x.data(), static_cast<std::uint64_t>(s.x.size()), source);
     read_vector(in, s.velocity.data(), 6, source);
-    double scalars[4];
-    read_vector(in, scalars, 4, source);
+    double scalars[5];
+    read_vector(in, scalars, 5, source);
     s.sigma = scalars[0];
     s.correlation_area_px = scalars[1];
     s.pixels_at_one_metre = scalars[2];
     s.views = scalars[3];
+    s.head_rotation_sigma = scalars[4];
     read_vector(in, s.gathered_at.data(), 4, source);
     read_vector(in, s.first_view.data(), 4, source);
     Eigen::Matrix<double, 27, 1> light;

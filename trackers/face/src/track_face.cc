@@ -127,9 +127,14 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
     tracking.first_marks = marks_from(options.points, shape.landmarks.size(), camera);
   }
   FaceTracker tracker(shape, camera.without_distortion(), tracking);
-  const std::vector<Keyframe> keyframes =
-      find_keyframes(options.video, camera, shape, tracking, progress);
-  if (!keyframes.empty() && !::getenv("NO_BUNDLE")) tracker.learn_person(keyframes);
+  const bool goes_on = options.resume && fs::exists(fs::path(options.folder) / "checkpoint.bin");
+  if (!goes_on) {  // a checkpoint knows the person
+    const std::vector<Keyframe> keyframes =
+        find_keyframes(options.video, camera, shape, tracking, progress);
+    summary.outcome.cancelled = progress.cancelled();
+    if (summary.outcome.cancelled) return summary;
+    if (!keyframes.empty()) tracker.learn_person(keyframes);
+  }
   prepare_folder(options.folder);
   const fs::path folder(options.folder);
 
