@@ -66,6 +66,33 @@ TEST(Resume, AfterKillGivesTheSameBytes) {
   expect_same_results(whole, killed);
 }
 
+TEST(Resume, OfAFinishedRunGivesTheSameBytes) {
+  const TemporaryFolder folder;
+  const fs::path once = folder.path() / "once", again = folder.path() / "again";
+  ASSERT_EQ(run_program(tracking(once)).exit_code, 0);
+  EXPECT_FALSE(fs::exists(once / "checkpoint.bin"));
+  fs::copy(once, again);
+  const ProgramResult result = run_program(resumed(again));
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  expect_same_results(once, again);
+  std::vector<std::string> other = resumed(again);
+  other.insert(other.end(), {"--optimizer", "ceres"});
+  EXPECT_EQ(run_program(other).exit_code, 3);
+  expect_same_results(once, again);
+}
+
+TEST(Resume, GoesOnAfterTheLastFrameThatWasAskedFor) {
+  const TemporaryFolder folder;
+  const fs::path whole = folder.path() / "whole", parts = folder.path() / "parts";
+  ASSERT_EQ(run_program(tracking(whole)).exit_code, 0);
+  std::vector<std::string> arguments = tracking(parts);
+  arguments.insert(arguments.end(), {"--last-frame", "2"});
+  ASSERT_EQ(run_program(arguments).exit_code, 0);
+  EXPECT_TRUE(fs::exists(parts / "checkpoint.bin"));
+  ASSERT_EQ(run_program(resumed(parts)).exit_code, 0);
+  expect_same_results(whole, parts);
+}
+
 TEST(Resume, AfterInterruptGivesTheSameBytes) {
   const TemporaryFolder folder;
   const fs::path whole = folder.path() / "whole", stopped = folder.path() / "stopped";

@@ -2,12 +2,12 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "clip_covariance.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/core/rigid3.h"
@@ -487,16 +487,11 @@ double total_cost(const Clip& clip) {
 
 // ---- Covariance ------------------------------------------------------------------------------
 
-/// Column k of the clip's Hessian from the diagonal down: the node itself, the next two, shared.
-struct Column {
-  Matrix diagonal, next, second, shared;
-};
-
-std::vector<Column> hessian_columns(const Clip& clip, Matrix& shared) {
+std::vector<ClipColumn> hessian_columns(const Clip& clip, Matrix& shared) {
   const auto n = static_cast<Eigen::Index>(clip.own.size());
   const auto s = static_cast<Eigen::Index>(clip.shared.size());
   shared.setZero(s, s);
-  std::vector<Column> columns(clip.nodes.size());
+  std::vector<ClipColumn> columns(clip.nodes.size());
   for (std::size_t k = 0; k < clip.nodes.size(); ++k) {
     const Matrix hessian = clip.nodes[k].root.transpose() * clip.nodes[k].root;
     columns[k] = {hessian(clip.own, clip.own), Matrix::Zero(n, n), Matrix::Zero(n, n),
@@ -517,62 +512,13 @@ std::vector<Column> hessian_columns(const Clip& clip, Matrix& shared) {
   return columns;
 }
 
-/// The blocks of the inverse that belong to the next two nodes and the shared entries.
-struct Window {
-  Matrix next, second_next, second, shared_next, shared_second, shared;
-};
-
-Matrix stack(const Matrix& a, const Matrix& b, const Matrix& c) {
-  Matrix all(a.rows() + b.rows() + c.rows(), a.cols());
-  all << a, b, c;
-  return all;
-}
-
-Matrix symmetric(const Window& z) {
-  const Eigen::Index n = z.next.rows(), s = z.shared.rows();
-  Matrix all(2 * n + s, 2 * n + s);
-  all << z.next, z.second_next.transpose(), z.shared_next.transpose(), z.second_next, z.second,
-      z.shared_second.transpose(), z.shared_next, z.shared_second, z.shared;
-  return all;
-}
-
-/// Eliminates the nodes in order, then recovers the diagonal of the inverse backwards: with B the
-/// unknowns after node k and U = A_Bk A_kk^-1, Z_Bk = -Z_BB U and Z_kk = A_kk^-1 + U' Z_BB U.
-/// Chains end by themselves, because the blocks that would couple them are zero.
 std::vector<Vector> standard_deviations(const Clip& clip) {
-  const auto n = static_cast<Eigen::Index>(clip.own.size());
-  const auto s = static_cast<Eigen::Index>(clip.shared.size());
-  const std::size_t count = clip.nodes.size();
   Matrix shared;
-  std::vector<Column> columns = hessian_columns(clip, shared);
-  std::vector<Matrix> regression(count), inverse(count);
-  for (std::size_t k = 0; k < count; ++k) {
-    Column& column = columns[k];
-    inverse[k] = column.diagonal.llt().solve(Matrix::Identity(n, n));
-    const Matrix below = stack(column.next, column.second, column.shared);
-    regression[k] = below * inverse[k];
-    const Matrix update = regression[k] * below.transpose();
-    if (k + 1 < count) {
-      columns[k + 1].diagonal -= update.topLeftCorner(n, n);
-      columns[k + 1].next -= update.block(n, 0, n, n);
-      columns[k + 1].shared -= update.block(2 * n, 0, s, n);
-    }
-    if (k + 2 < count) {
-      columns[k + 2].diagonal -= update.block(n, n, n, n);
-      columns[k + 2].shared -= update.block(2 * n, n, s, n);
-    }
-    shared -= update.bottomRightCorner(s, s);
-  }
-
-  Window z{Matrix::Zero(n, n), Matrix::Zero(n, n),
-           Matrix::Zero(n, n), Matrix::Zero(s, n),
-           Matrix::Zero(s, n), s > 0 ? Matrix(shared.llt().solve(Matrix::Identity(s, s))) : shared};
-  std::vector<Vector> sigma(count);
-  for (std::size_t k = count; k-- > 0;) {
-    const Matrix off = -symmetric(z) * regression[k];
-    const Matrix own = inverse[k] - regression[k].transpose() * off;
-    sigma[k] = all_entries(clip, own.diagonal(), z.shared.diagonal()).cwiseSqrt();
-    z = {own, off.topRows(n), z.next, off.bottomRows(s), z.shared_next, z.shared};
+  std::vector<ClipColumn> columns = hessian_columns(clip, shared);
+  const ClipVariances variances = clip_variances(std::move(columns), std::move(shared));
+  std::vector<Vector> sigma;
+  for (const Vector& own : variances.own) {
+    sigma.push_back(all_entries(clip, own, variances.shared).cwiseSqrt());
   }
   return sigma;
 }

@@ -48,15 +48,19 @@ int load_checkpoint(const std::filesystem::path& path, FrameTracker& tracker) {
   return frames_done;
 }
 
-/// Cuts the result file after its header and `frames` lines and returns those frames.
-std::vector<TrackFrame> cut_results(const std::string& path, const TrackHeader& header,
-                                    std::size_t frames) {
+/// The results so far, which have to be of the same settings.
+Track read_results(const std::string& path, const TrackHeader& header) {
   Track track = read_track(path);
   if (track.header.value("config", nlohmann::json()) != header.config) {
     throw InvalidInput(path +
                        ": was made with other settings, so it cannot be resumed; use the same "
                        "options, or another output folder");
   }
+  return track;
+}
+
+/// Cuts the result file after its header and `frames` lines and returns those frames.
+std::vector<TrackFrame> cut_results(const std::string& path, Track track, std::size_t frames) {
   if (track.frames.size() < frames) {
     throw InvalidInput(path + ": has fewer frames than its checkpoint; run without --resume");
   }
@@ -67,7 +71,7 @@ std::vector<TrackFrame> cut_results(const std::string& path, const TrackHeader& 
   for (std::size_t i = 0; i < frames + 1 && std::getline(in, line); ++i) bytes += line.size() + 1;
   in.close();
   std::filesystem::resize_file(path, bytes);
-  return track.frames;
+  return std::move(track.frames);
 }
 
 void count(const TrackFrame& frame, TrackingOutcome& outcome) {
@@ -95,10 +99,13 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
   const std::filesystem::path checkpoint = folder / "checkpoint.bin";
   std::vector<TrackFrame> earlier;
   std::optional<TrackWriter> writer;
-  if (run.resume && std::filesystem::exists(results) && std::filesystem::exists(checkpoint)) {
-    const int done = load_checkpoint(checkpoint, tracker);
-    earlier = cut_results(results, run.header, static_cast<std::size_t>(done));
-    writer.emplace(TrackWriter::append(results));
+  if (run.resume && std::filesystem::exists(results)) {
+    Track track = read_results(results, run.header);
+    if (std::filesystem::exists(checkpoint)) {
+      const int done = load_checkpoint(checkpoint, tracker);
+      earlier = cut_results(results, std::move(track), static_cast<std::size_t>(done));
+      writer.emplace(TrackWriter::append(results));
+    }
   } else {
     std::filesystem::remove(checkpoint);
   }
@@ -107,6 +114,7 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
   FrameFeed feed(run.video, run.camera, tracker.pyramid_levels(), first);
   const double rate = info.frames_per_second > 0.0 ? info.frames_per_second : kAssumedRate;
   TrackingOutcome outcome;
+  bool stopped = false;  // before the end of the video
   progress.begin("tracking", info.frame_count);
   while (std::optional<PreparedFrame> frame = feed.next()) {
     if (frame->index < first) {
@@ -114,7 +122,8 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
       sink(frame->picture, earlier[static_cast<std::size_t>(frame->index)]);
       continue;
     }
-    if (run.last_frame >= 0 && frame->index > run.last_frame) break;
+    stopped = run.last_frame >= 0 && frame->index > run.last_frame;
+    if (stopped) break;
     const auto frame_begin = Clock::now();
     const double time_s = frame->index / rate;
     const TrackFrame result = tracker.track(frame->index, time_s, frame->observation);
@@ -137,7 +146,12 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
   }
   outcome.times.decode_s = feed.busy_s();
   outcome.times.total_s = seconds_since(begin);
-  if (!outcome.cancelled) save_checkpoint(checkpoint, outcome.frames, tracker);
+  // A later --resume can go on after last_frame, but not after the end.
+  if (stopped) {
+    save_checkpoint(checkpoint, outcome.frames, tracker);
+  } else if (!outcome.cancelled) {
+    std::filesystem::remove(checkpoint);
+  }
   return outcome;
 }
 

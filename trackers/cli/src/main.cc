@@ -1,4 +1,5 @@
-// The `semblance` program. Exit codes: 0 done, 2 wrong usage, 3 bad input, 4 nothing converged.
+// The `semblance` program. Exit codes: 0 done (also tracking that was stopped on request, whose
+// results so far are valid), 2 wrong usage, 3 bad input, 4 nothing converged.
 #include <fmt/format.h>
 
 #include <exception>

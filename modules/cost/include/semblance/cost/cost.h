@@ -16,8 +16,8 @@ struct Synthesis {
   const ParameterSpace& space;  // of the free parameters
   const Eigen::VectorXd& x;     // the free parameters
   const Scene& scene;
-  const Camera& camera;  // at the resolution of the comparison
-  const VisiblePixels& pixels;
+  const Camera& camera;              // at the resolution of the comparison
+  const VisiblePixels& pixels;       // of front faces only: what is seen from behind is left out
   std::span<const float> projected;  // (x_px, y_px, depth_m) per vertex
 };
 

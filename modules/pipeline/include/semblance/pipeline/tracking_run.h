@@ -31,7 +31,7 @@ struct TrackingRun {
   std::string folder;  // existing; receives track.jsonl and, while running, checkpoint.bin
   Camera camera;       // of the video's size, possibly distorted
   TrackHeader header;
-  bool resume = false;  // go on from the folder's last checkpoint, if it has one
+  bool resume = false;  // go on from the folder's last checkpoint; without one, from the start
   int last_frame = -1;  // stop after this frame; -1: to the end
   int checkpoint_every = 100;
 };
@@ -51,7 +51,8 @@ struct TrackingOutcome {
 using FrameSink = std::function<void(const Rgb8& frame, const TrackFrame& result)>;
 
 /// Decodes and prepares frames on a second thread, tracks them, appends each result to
-/// folder/track.jsonl and flushes it. Cancelling (progress) leaves a valid file and a checkpoint.
+/// folder/track.jsonl and flushes it. Cancelling (progress) and `last_frame` leave a valid file and
+/// a checkpoint; the end of the video removes the checkpoint.
 /// Throws InvalidInput for a video without frames, of another size than the camera, or, on resume,
 /// a folder that was made with another video, camera, model or options.
 TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, const FrameSink& sink,
