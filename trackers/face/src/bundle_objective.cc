@@ -284,7 +284,7 @@ void BundleObjective::differentiate(const Eigen::VectorXd& x, std::size_t k,
   }
 }
 
-/// Three rounds of reweighting with Geman-McClure's weights.
+/// Six rounds of reweighting with Geman-McClure's weights.
 void BundleObjective::robust_mean(const std::vector<Sighting>& seen,
                                   const std::vector<Samples>& samples, Mean& out) const {
   const double cut = std::max(sigma_ * kRobustWidth, kLeastCut);
@@ -292,7 +292,7 @@ void BundleObjective::robust_mean(const std::vector<Sighting>& seen,
   const auto full = [&](std::size_t s) { return samples[seen[s].view].weight[seen[s].index]; };
   out.weight.resize(seen.size());
   for (std::size_t s = 0; s < seen.size(); ++s) out.weight[s] = full(s);
-  constexpr int kRounds = 3;
+  constexpr int kRounds = 6;
   for (int round = 0; round < kRounds; ++round) {
     double sum = 0.0;
     out.total_weight = 0.0;
