@@ -61,6 +61,16 @@ void offer(Keyframe candidate, std::vector<Keyframe>& kept) {
   }
 }
 
+/// Where a video is damaged, what comes before it still shows the face; tracking meets the damage
+/// again and reports it.
+std::optional<PreparedFrame> next_undamaged(FrameFeed& feed) {
+  try {
+    return feed.next();
+  } catch (const InvalidInput&) {
+    return std::nullopt;
+  }
+}
+
 }  // namespace
 
 std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& camera,
@@ -72,7 +82,7 @@ std::vector<Keyframe> find_keyframes(const std::string& video, const Camera& cam
   std::vector<Keyframe> kept;
   FrameFeed feed(video, camera, tracker.pyramid_levels(), 0);
   progress.begin("learning the face", kScannedFrames);
-  while (std::optional<PreparedFrame> prepared = feed.next()) {
+  while (std::optional<PreparedFrame> prepared = next_undamaged(feed)) {
     if (prepared->index >= kScannedFrames || progress.cancelled()) break;
     const TrackFrame frame = tracker.track(prepared->index, 0.0, prepared->observation);
     progress.update(prepared->index + 1);

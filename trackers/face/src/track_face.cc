@@ -127,7 +127,8 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
     tracking.first_marks = marks_from(options.points, shape.landmarks.size(), camera);
   }
   FaceTracker tracker(shape, camera.without_distortion(), tracking);
-  const bool goes_on = options.resume && fs::exists(fs::path(options.folder) / "checkpoint.bin");
+  const bool goes_on = options.resume && fs::exists(fs::path(options.folder) / "track.jsonl") &&
+                       fs::exists(fs::path(options.folder) / "checkpoint.bin");
   if (!goes_on) {  // a checkpoint knows the person
     const std::vector<Keyframe> keyframes =
         find_keyframes(options.video, camera, shape, tracking, progress);
