@@ -132,8 +132,9 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
   if (!goes_on) {  // a checkpoint knows the person
     const std::vector<Keyframe> keyframes =
         find_keyframes(options.video, camera, shape, tracking, progress);
-    summary.outcome.cancelled = progress.cancelled();
-    if (summary.outcome.cancelled) return summary;
+    if (progress.cancelled()) {
+      throw SolverError("interrupted while the face was learned: nothing was written");
+    }
     if (!keyframes.empty()) tracker.learn_person(keyframes);
   }
   prepare_folder(options.folder);
