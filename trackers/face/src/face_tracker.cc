@@ -79,7 +79,9 @@ std::vector<float> unseen_confidence(const MorphShape& shape) {
   return confidence;
 }
 
-bool is_blink(const std::string& name) { return name.find("blink") != std::string::npos; }
+bool is_blink(const std::string& name) {
+  return name.find("blink") != std::string::npos || name.find("Blink") != std::string::npos;
+}
 
 /// Deviations of the prediction of a frame from the one before, per tangent entry.
 Eigen::VectorXd frame_to_frame_sigma(const ParameterSpace& space) {
@@ -157,6 +159,9 @@ struct FaceTracker::Impl {
   std::vector<int> free_blocks() const;
   Attempt fit_frame(const Observation& observation, const Eigen::VectorXd& predicted,
                     double looseness, const Optimizer& method) const;
+  /// Lids shut within a frame or two, further than gradients reach: where the fit has them open,
+  /// shut is tried, and the other way round.
+  void try_lids(const SynthesisObjective& objective, Solution& solution) const;
   Attempt search(const Observation& observation) const;
   void judge(Attempt& attempt) const;
   void gather(const Observation& observation, const Attempt& attempt, bool first);
@@ -274,7 +279,8 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
     SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
                                  {&cost, &prior, &temporal});
     objective.set_step_scale(spread);
-    const Solution solution = method.minimize(objective, start, silent_progress());
+    Solution solution = method.minimize(objective, start, silent_progress());
+    if (l == 0) try_lids(objective, solution);
     attempt.x = objective.full(solution.x);
     if (l > 0) continue;
     objective.normal_equations(solution.x, attempt.equations);
@@ -284,6 +290,20 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
   }
   judge(attempt);
   return attempt;
+}
+
+void FaceTracker::Impl::try_lids(const SynthesisObjective& objective, Solution& solution) const {
+  constexpr double kShut = 0.9;
+  const ParameterSpace& space = objective.space();
+  Eigen::VectorXd x = solution.x;
+  for (std::size_t b = 0; b < space.blocks().size(); ++b) {
+    if (!is_blink(space.blocks()[b].name)) continue;
+    double& lid = x[space.offset(static_cast<int>(b))];
+    lid = lid < 0.5 * kShut ? kShut : 0.0;
+  }
+  if (x == solution.x || !(objective.evaluate(x) < solution.cost)) return;
+  Solution other = polish->minimize(objective, x, silent_progress());
+  if (other.cost < solution.cost) solution = std::move(other);
 }
 
 void FaceTracker::Impl::judge(Attempt& attempt) const {
