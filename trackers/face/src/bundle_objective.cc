@@ -245,17 +245,15 @@ BundleObjective::Samples BundleObjective::sample(const Eigen::VectorXd& x, std::
     const float noise = static_cast<float>(sigma_) / view.root_of_light[i].mean();
     out.weight.push_back(view.size[i] / (noise * noise));
   }
-  if (with_jacobian) differentiate(x, k, slopes, out);
+  if (with_jacobian) differentiate(x, k, positions, slopes, out);
   return out;
 }
 
 void BundleObjective::differentiate(const Eigen::VectorXd& x, std::size_t k,
-                                    const std::vector<float>& slopes, Samples& out) const {
+                                    const PointsF& positions, const std::vector<float>& slopes,
+                                    Samples& out) const {
   const View& view = views_[k];
   const Eigen::VectorXd model_x = problem_.layout.model_vector(x, k);
-  Scene scene;
-  problem_.model.synthesize(model_x, scene);
-  const PointsF& positions = scene.objects[0].positions_m;
   const Projection project(camera(k));
   std::vector<int> vertices(static_cast<std::size_t>(positions.rows()));
   std::iota(vertices.begin(), vertices.end(), 0);

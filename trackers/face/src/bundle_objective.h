@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "face_bundle.h"
+#include "semblance/face/face_bundle.h"
 #include "semblance/optim/objective.h"
 
 namespace semblance {
@@ -96,8 +96,8 @@ class BundleObjective : public Objective {
   View look(const Eigen::VectorXd& x, std::size_t k) const;
   std::vector<Samples> sample_all(const Eigen::VectorXd& x, bool with_jacobian) const;
   Samples sample(const Eigen::VectorXd& x, std::size_t k, bool with_jacobian) const;
-  void differentiate(const Eigen::VectorXd& x, std::size_t k, const std::vector<float>& slopes,
-                     Samples& out) const;
+  void differentiate(const Eigen::VectorXd& x, std::size_t k, const PointsF& positions,
+                     const std::vector<float>& slopes, Samples& out) const;
   void robust_mean(const std::vector<Sighting>& seen, const std::vector<Samples>& samples,
                    Mean& out) const;
   double build(const Eigen::VectorXd& x, NormalEquations* out) const;

@@ -36,7 +36,6 @@ constexpr double kSearchDeviations = 3.0;
 
 constexpr double kSigma = 0.03, kCorrelationArea_px = 40.0;
 constexpr int kTextureSize = 512;
-constexpr float kUnseenConfidence = 0.25f;
 constexpr double kNear_px = 0.5;  // a solution this close to the best has found its basin
 
 using Points2 = std::vector<Eigen::Vector2d>;
@@ -47,12 +46,6 @@ Eigen::VectorXd start_sigma(const ParameterSpace& space, double distance_m) {
   sigma.head<3>().setConstant(kRotation);
   sigma.segment<3>(3).setConstant(kTranslationShare * distance_m);
   return sigma;
-}
-
-std::vector<float> unseen_confidence(const MorphShape& shape) {
-  std::vector<float> confidence = vertex_confidence(shape);
-  for (float& c : confidence) c *= kUnseenConfidence;
-  return confidence;
 }
 
 /// The person, with the texture of one frame.

@@ -1,7 +1,5 @@
-#include "face_bundle.h"
+#include "semblance/face/face_bundle.h"
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "bundle_objective.h"
@@ -11,19 +9,9 @@ namespace semblance {
 
 namespace {
 
-constexpr double kEyeDistance_m = 0.063, kCoarseEyes_px = 14.0;
+constexpr double kCoarseEyes_px = 14.0;  // on the coarsest level the face still has features
 constexpr double kFirstSigma = 0.04;
 constexpr int kRounds = 2;  // per level: visibility, shading and deviation are renewed in each
-
-/// Coarsest level at which the face of the first keyframe still has features.
-int coarsest_level(const Camera& camera, const Keyframe& keyframe) {
-  const Eigen::Vector3d place = keyframe.x.segment<3>(4);
-  const double depth_m = (camera.camera_from_world * place).z();
-  const double eyes_px = camera.focal_px.x() * kEyeDistance_m / std::max(depth_m, 0.05);
-  const double level = std::floor(std::log2(std::max(eyes_px / kCoarseEyes_px, 1.0)));
-  return std::min(static_cast<int>(level),
-                  static_cast<int>(keyframe.observation->levels.size()) - 1);
-}
 
 }  // namespace
 
@@ -53,7 +41,9 @@ FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, cons
   solution.x = layout.join(models);
   double sigma = kFirstSigma;
   FaceBundle out;
-  for (int level = coarsest_level(camera, keyframes.front()); level >= 0; --level) {
+  const int coarsest = level_for(*keyframes.front().observation,
+                                 eye_distance_px(camera, models.front()), kCoarseEyes_px);
+  for (int level = coarsest; level >= 0; --level) {
     for (int round = 0; round < kRounds; ++round) {
       sigma = BundleObjective(problem, level, solution.x, sigma).deviation(solution.x);
       const BundleObjective objective(problem, level, solution.x, sigma);

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "face_bundle.h"
 #include "semblance/core/progress.h"
+#include "semblance/face/face_bundle.h"
 #include "semblance/face/face_tracker.h"
 
 namespace semblance {

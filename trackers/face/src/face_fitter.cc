@@ -14,7 +14,6 @@ namespace semblance {
 
 namespace {
 
-constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
 constexpr int kTextureSize = 256;
 // Deviation of the detector's eye centres, in distances between the eyes (measured on video: 3 %).
 constexpr double kEyeDetection = 0.03;
@@ -33,18 +32,6 @@ std::vector<int> all_blocks(const MorphModel& model) {
     blocks.push_back(static_cast<int>(b));
   }
   return blocks;
-}
-
-/// Distance between the eyes in pixels for the depth at x.
-double eye_distance_px(const Camera& camera, const Eigen::VectorXd& x) {
-  const Eigen::Vector3d p = camera.camera_from_world * Eigen::Vector3d(x.segment<3>(4));
-  return camera.focal_px.x() * kEyeDistance_m / std::max(p.z(), 1e-3);
-}
-
-/// Pyramid level at which the eyes are about `wanted_px` apart.
-int level_for(const Observation& observation, double eyes_px, double wanted_px) {
-  const int level = static_cast<int>(std::floor(std::log2(std::max(eyes_px / wanted_px, 1.0))));
-  return std::min(level, static_cast<int>(observation.levels.size()) - 1);
 }
 
 /// The declared priors, with expressions held nearer to rest.
@@ -71,6 +58,16 @@ PriorCost start_prior(const ParameterSpace& space, const Camera& camera,
   Eigen::VectorXd mean = space.initial();
   mean.head<7>() = start.head<7>();
   return PriorCost(mean, sigma);
+}
+
+std::vector<LandmarkTarget> targets_of(const MorphModel& model,
+                                       const std::vector<FaceMark>& marks) {
+  std::vector<LandmarkTarget> targets;
+  for (const FaceMark& mark : marks) {
+    const ModelLandmark& landmark = model.landmarks()[static_cast<std::size_t>(mark.landmark)];
+    targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
+  }
+  return targets;
 }
 
 }  // namespace
@@ -108,11 +105,7 @@ void FaceFitter::refine(const Observation& observation, const Camera& full_camer
   photometric.correlation_area_px = std::max(4.0, patch_px * patch_px);
   // The same for every start, so that their costs can be compared.
   photometric.reference_pixels = std::pow(kFaceWidth * patch_px / kGenericCorrelation, 2.0);
-  std::vector<LandmarkTarget> targets;
-  for (const FaceMark& mark : marks) {
-    const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
-    targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
-  }
+  std::vector<LandmarkTarget> targets = targets_of(model_, marks);
   for (std::size_t eye = 0; detection.eyes_px && eye < 2; ++eye) {
     if (pupil_triangle_[eye] < 0) continue;
     targets.push_back({pupil_triangle_[eye],
@@ -198,12 +191,7 @@ double FaceFitter::compare_parts(const Observation& observation, const Camera& f
     photometric.texture_level = matching_texture_level(synthesis, appearance_, topology_);
   });
   const PhotometricCost cost(&level, &appearance_, &topology_, &triangle_weight_, photometric);
-  std::vector<LandmarkTarget> targets;
-  for (const FaceMark& mark : marks) {
-    const ModelLandmark& landmark = model_.landmarks()[static_cast<std::size_t>(mark.landmark)];
-    targets.push_back({landmark.triangle, landmark.barycentric, mark.point_px, mark.sigma_px});
-  }
-  const LandmarkCost landmarks(targets, &topology_, full_camera.width, 20.0);
+  const LandmarkCost landmarks(targets_of(model_, marks), &topology_, full_camera.width, 20.0);
   std::vector<const Cost*> costs = {&cost};
   if (!marks.empty()) costs.push_back(&landmarks);
   const SynthesisObjective objective(workspace_, x, free, light, camera, costs);

@@ -57,6 +57,16 @@ FacePart part_of(const MorphShape& shape, int vertex) {
 
 }  // namespace
 
+double eye_distance_px(const Camera& camera, const Eigen::VectorXd& x) {
+  const Eigen::Vector3d p = camera.camera_from_world * Eigen::Vector3d(x.segment<3>(4));
+  return camera.focal_px.x() * kEyeDistance_m / std::max(p.z(), 1e-3);
+}
+
+int level_for(const Observation& observation, double eyes_px, double wanted_px) {
+  const int level = static_cast<int>(std::floor(std::log2(std::max(eyes_px / wanted_px, 1.0))));
+  return std::min(level, static_cast<int>(observation.levels.size()) - 1);
+}
+
 Eigen::Vector3f relative_albedo(FacePart part) { return facts(part).albedo; }
 float colour_confidence(FacePart part) { return facts(part).confidence; }
 float tracking_weight(FacePart part) { return facts(part).weight; }
@@ -73,6 +83,13 @@ std::vector<float> vertex_confidence(const MorphShape& shape) {
     out[v] = colour_confidence(part_of(shape, static_cast<int>(v)));
   }
   return out;
+}
+
+std::vector<float> unseen_confidence(const MorphShape& shape) {
+  constexpr float kUnseen = 0.25f;
+  std::vector<float> confidence = vertex_confidence(shape);
+  for (float& c : confidence) c *= kUnseen;
+  return confidence;
 }
 
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology) {

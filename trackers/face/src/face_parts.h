@@ -1,14 +1,22 @@
-// What is known of a face's colours before any image of it was seen.
+// What is known of a face's size and colours before any image of it was seen.
 #pragma once
 
 #include <array>
 #include <vector>
 
+#include "semblance/core/camera.h"
 #include "semblance/core/mesh.h"
+#include "semblance/cost/observation.h"
 #include "semblance/cost/surface_equations.h"
 #include "semblance/models/morph_model.h"
 
 namespace semblance {
+
+constexpr double kEyeDistance_m = 0.063;  // mean of adults (Dodgson 2004: 63.4 mm)
+/// Distance between the eyes in pixels for the depth at x (pose first).
+double eye_distance_px(const Camera& camera, const Eigen::VectorXd& x);
+/// Pyramid level at which eyes that far apart at full resolution are about `wanted_px` apart.
+int level_for(const Observation& observation, double eyes_px, double wanted_px);
 
 /// Albedo relative to the skin (linear, per channel), for the parts of a face.
 Eigen::Vector3f relative_albedo(FacePart part);
@@ -20,6 +28,8 @@ float tracking_weight(FacePart part);
 /// The same for every vertex of a shape.
 PointsF vertex_albedo(const MorphShape& shape);
 std::vector<float> vertex_confidence(const MorphShape& shape);
+/// While tracking, a guessed colour counts little beside those that were seen.
+std::vector<float> unseen_confidence(const MorphShape& shape);
 /// 1 inside the oval of brows, eyes, nose, mouth and chin, falling to 0 around it: the part of a
 /// face that is neither hair nor neck nor background, whoever's it is.
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology);

@@ -8,20 +8,19 @@
 
 #include <Eigen/Cholesky>
 
-#include "face_bundle.h"
 #include "face_parts.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/cost/landmark.h"
 #include "semblance/cost/prior.h"
+#include "semblance/face/face_bundle.h"
 
 namespace semblance {
 
 namespace {
 
 constexpr int kPyramidLevels = 4;
-constexpr double kCoarseEyes_px = 14.0;  // distance between the eyes on the coarsest level used
-constexpr double kEyeDistance_m = 0.063;
+constexpr double kCoarseEyes_px = 14.0;     // distance between the eyes on the coarsest level used
 constexpr double kRotationPerFrame = 0.06;  // rad: deviation of the prediction's error
 constexpr double kTranslationPerFrame_m = 0.012;
 constexpr double kExpressionPerFrame = 0.2, kBlinkPerFrame = 0.6;
@@ -38,7 +37,6 @@ constexpr double kDiscrepancy = 6.0;
 // Without other views of the head: errors of its frame (rad) and of its size that one picture
 // leaves.
 constexpr double kHeadRotation = 0.05, kHeadSize = 0.06;
-constexpr float kUnseenConfidence = 0.25f;
 constexpr double kGatherCorrelation = 0.8;  // only frames that fit this well add to the texture
 constexpr double kGatherTurn = 0.04;        // rad of turning after which new surface may be in view
 // Far from the first view poses rest on little of the first texture: what they add would make their
@@ -71,13 +69,6 @@ struct State {
   Eigen::Vector4d gathered_at = Eigen::Vector4d::Zero();
   Eigen::Vector4d first_view = Eigen::Vector4d::Zero();  // rotation the texture began with
 };
-
-/// While tracking, a guessed colour counts little beside those that were seen.
-std::vector<float> unseen_confidence(const MorphShape& shape) {
-  std::vector<float> confidence = vertex_confidence(shape);
-  for (float& c : confidence) c *= kUnseenConfidence;
-  return confidence;
-}
 
 bool is_blink(const std::string& name) {
   return name.find("blink") != std::string::npos || name.find("Blink") != std::string::npos;
@@ -243,10 +234,7 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
   attempt.x = predicted;
   attempt.light = state.light;
   const std::vector<int> everything = free_blocks();
-  const double eyes_px = camera.focal_px.x() * kEyeDistance_m / std::max(depth(predicted), 0.05);
-  const int coarsest =
-      std::clamp(static_cast<int>(std::floor(std::log2(std::max(eyes_px / kCoarseEyes_px, 1.0)))),
-                 0, static_cast<int>(observation.levels.size()) - 1);
+  const int coarsest = level_for(observation, eye_distance_px(camera, predicted), kCoarseEyes_px);
   // On coarse levels only the pose is solved: the head moves as a whole first, and expression must
   // not explain what is a turn.
   const std::vector<int> pose = {0, 1};

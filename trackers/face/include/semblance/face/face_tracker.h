@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "semblance/face/face_bundle.h"
 #include "semblance/face/face_fitter.h"
 #include "semblance/pipeline/clip_smoother.h"
 #include "semblance/pipeline/tracking_run.h"
@@ -20,8 +21,6 @@ struct FaceTrackerOptions {
   std::vector<FaceMark> first_marks;  // start from these instead of the detector
   int texture_size = 512;
 };
-
-struct Keyframe;
 
 /// Analysis by synthesis per frame: predict the pose, render the textured face, compare with the
 /// image, change pose and expression until the two look alike, from coarse to fine; then update the
