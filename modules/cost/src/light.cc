@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "semblance/cost/light_equations.h"
 #include "semblance/cost/photometric.h"
 #include "shaded_vertices.h"
 
@@ -25,19 +26,52 @@ void shade_vertices(const Scene& scene, int texture_width, int texture_height,
 
 }  // namespace detail
 
+LightEquations::LightEquations() {
+  for (int c = 0; c < 3; ++c) {
+    normal_[c].setZero();
+    right_[c].setZero();
+  }
+}
+
+void LightEquations::add(const std::array<float, 9>& basis, const float* albedo,
+                         const float* observed, double weight) {
+  const Eigen::Matrix<double, 9, 1> y =
+      Eigen::Map<const Eigen::Matrix<float, 9, 1>>(basis.data()).cast<double>();
+  for (int c = 0; c < 3; ++c) {
+    const double colour = double{albedo[c]} * albedo[c];
+    const double seen = double{observed[c]} * observed[c];
+    // d(encoded) = d(linear) / (2 encoded): weighting undoes the encoding to first order.
+    const double w = weight / std::max(4.0 * seen, 0.02);
+    normal_[c].selfadjointView<Eigen::Lower>().rankUpdate(y, w * colour * colour);
+    right_[c] += w * colour * seen * y;
+  }
+}
+
+ShLight LightEquations::solve(const ShLight& before, double pull, int order) const {
+  ShLight light = before;
+  for (int c = 0; c < 3; ++c) {
+    Eigen::Matrix<double, 9, 1> last;
+    for (int k = 0; k < 9; ++k) last[k] = before.coefficients[k][c];
+    const double data = std::max(normal_[c](0, 0), 1e-9);
+    Eigen::Matrix<double, 9, 1> hold = Eigen::Matrix<double, 9, 1>::Constant(pull * data);
+    constexpr double kFixed = 1e6;
+    if (order < 2) hold.tail<5>().setConstant(kFixed * data);
+    Eigen::Matrix<double, 9, 9> system = normal_[c].selfadjointView<Eigen::Lower>();
+    system.diagonal() += hold;
+    const Eigen::Matrix<double, 9, 1> next =
+        system.ldlt().solve(right_[c] + hold.cwiseProduct(last));
+    if (!next.allFinite()) continue;
+    for (int k = 0; k < 9; ++k) light.coefficients[k][c] = static_cast<float>(next[k]);
+  }
+  return light;
+}
+
 ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
                        const Appearance& appearance, const SurfaceTopology& topology,
                        const std::vector<float>& pixel_weight, const LightOptions& options) {
   const SceneObject& object = synthesis.scene.objects.front();
   const AlbedoPyramid::Level& texture = appearance.albedo().levels.front();
-  using Matrix9 = Eigen::Matrix<double, 9, 9>;
-  using Vector9 = Eigen::Matrix<double, 9, 1>;
-  std::array<Matrix9, 3> normal;
-  std::array<Vector9, 3> right;
-  for (int c = 0; c < 3; ++c) {
-    normal[c].setZero();
-    right[c].setZero();
-  }
+  LightEquations equations;
   const VisiblePixels& seen = synthesis.pixels;
   for (std::size_t i = 0; i < seen.size(); i += static_cast<std::size_t>(options.stride)) {
     const auto& corner = topology.triangles[seen.triangle[i]];
@@ -56,35 +90,10 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
                    texture.height - 1);
     const float* texel =
         texture.texels.data() + 4 * (std::size_t{1} * row * texture.width + column);
-    const auto basis = sh_basis(n[0], n[1], n[2]);
-    Vector9 y;
-    for (int k = 0; k < 9; ++k) y[k] = basis[k];
-    const float* record = observation.colour(seen.pixel[i]);
-    for (int c = 0; c < 3; ++c) {
-      const double albedo = texel[c] * texel[c];
-      const double observed = record[c] * record[c];
-      // d(encoded) = d(linear) / (2 encoded): weighting undoes the encoding to first order.
-      const double w = pixel_weight[i] * texel[3] / std::max(4.0 * observed, 0.02);
-      const Vector9 a = albedo * y;
-      normal[c].selfadjointView<Eigen::Lower>().rankUpdate(a, w);
-      right[c] += w * observed * a;
-    }
+    equations.add(sh_basis(n[0], n[1], n[2]), texel, observation.colour(seen.pixel[i]),
+                  pixel_weight[i] * texel[3]);
   }
-  ShLight light = synthesis.scene.light;
-  for (int c = 0; c < 3; ++c) {
-    Vector9 before;
-    for (int k = 0; k < 9; ++k) before[k] = light.coefficients[k][c];
-    const double data = std::max(normal[c](0, 0), 1e-9);
-    Vector9 pull = Vector9::Constant(options.pull * data);
-    constexpr double kFixed = 1e6;
-    if (options.order < 2) pull.tail<5>().setConstant(kFixed * data);
-    Matrix9 system = normal[c].selfadjointView<Eigen::Lower>();
-    system.diagonal() += pull;
-    const Vector9 after = system.ldlt().solve(right[c] + pull.cwiseProduct(before));
-    if (!after.allFinite()) continue;
-    for (int k = 0; k < 9; ++k) light.coefficients[k][c] = static_cast<float>(after[k]);
-  }
-  return light;
+  return equations.solve(synthesis.scene.light, options.pull, options.order);
 }
 
 }  // namespace semblance

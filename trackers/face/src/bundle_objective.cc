@@ -5,23 +5,24 @@
 #include <limits>
 #include <numeric>
 
-#include <Eigen/Cholesky>
-
+#include "face_parts.h"
 #include "semblance/core/parallel.h"
+#include "semblance/cost/light_equations.h"
 #include "semblance/render/visibility.h"
 
 namespace semblance {
 
 namespace {
 
-// Residuals larger than this many deviations, or than this encoded intensity, count a quarter: eyes
-// and lips that lie beside their place must pull.
-constexpr double kRobustWidth = 3.0, kLeastCut = 0.06;
+// Residuals larger than this many deviations, and than this encoded intensity, count a quarter:
+// eyes and lips that lie beside their place must pull.
+constexpr double kRobustWidth = 1.2, kLeastCut = 0.025;
 constexpr double kLeastSigma = 0.01, kLargestSigma = 0.06;
 constexpr double kCorrelationArea_px2 = 40.0;  // at full resolution, as while tracking
 constexpr float kLeastCosine = 0.25f;
 constexpr float kDepthTolerance_m = 0.006f;
-constexpr double kLightSigma = 0.1;  // of the logarithm of encoded light between keyframes
+// Of the logarithm of encoded light between keyframes: shadows, which the common light leaves out.
+constexpr double kLightSigma = 0.03;
 
 using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -204,6 +205,12 @@ BundleObjective::View BundleObjective::look(const Eigen::VectorXd& x, std::size_
     for (int j = 0; j < 9; ++j) lit += out.basis.back()[j] * problem_.light.coefficients[j];
     out.root_of_light.push_back(lit.cwiseMax(0.01f).cwiseSqrt());
   }
+  const Eigen::VectorXd model_x = problem_.layout.model_vector(x, k);
+  const Synthesis synthesis{problem_.model.parameters(),    model_x, scene, camera, pixels,
+                            rasteriser.projected_vertices()};
+  out.contour = find_contour(synthesis, problem_.keyframes[k].observation->levels[level_],
+                             problem_.fitter.topology(), problem_.triangle_weight, problem_.contour,
+                             contour_options(eye_distance_px(problem_.camera, model_x) * scale));
   return out;
 }
 
@@ -241,11 +248,14 @@ BundleObjective::Samples BundleObjective::sample(const Eigen::VectorXd& x, std::
     slopes.push_back(grey.dot(colour.dy));
     out.encoded.push_back(colour.value);
     out.root_of_light.push_back(root);
-    // The common light: if the own one counted here, darkening everything would pay.
-    const float noise = static_cast<float>(sigma_) / view.root_of_light[i].mean();
+    const float noise = static_cast<float>(sigma_) / root.mean();
     out.weight.push_back(view.size[i] / (noise * noise));
   }
-  if (with_jacobian) differentiate(x, k, positions, slopes, out);
+  if (with_jacobian) {
+    differentiate(x, k, positions, slopes, out);
+  } else {
+    compare_contour(k, positions, nullptr, out.contour);
+  }
   return out;
 }
 
@@ -267,6 +277,7 @@ void BundleObjective::differentiate(const Eigen::VectorXd& x, std::size_t k,
   VertexJacobian motion(2 * static_cast<Eigen::Index>(vertices.size()),
                         SurfaceEquations::padded_columns(size));
   problem_.model.image_jacobian(model_x, columns, vertices, image_from_world, motion);
+  compare_contour(k, positions, &motion, out.contour);
   out.jacobian.setZero(static_cast<Eigen::Index>(view.triangle.size()),
                        size + BundleLayout::light_size);
   for (std::size_t i = 0; i < view.triangle.size(); ++i) {
@@ -276,10 +287,40 @@ void BundleObjective::differentiate(const Eigen::VectorXd& x, std::size_t k,
       row.head(size) += slopes[2 * i] / 3.0f * motion.row(2 * v).head(size) +
                         slopes[2 * i + 1] / 3.0f * motion.row(2 * v + 1).head(size);
     }
-    row.tail<BundleLayout::light_size>() =
-        -out.albedo[i] *
-        Eigen::Map<const Eigen::RowVectorXf>(view.basis[i].data(), BundleLayout::light_size);
+    const Eigen::Map<const Eigen::RowVectorXf> basis(view.basis[i].data(),
+                                                     BundleLayout::light_size);
+    row.tail<BundleLayout::light_size>() = -out.albedo[i] * basis;
   }
+}
+
+void BundleObjective::compare_contour(std::size_t k, const PointsF& positions,
+                                      const VertexJacobian* motion, NormalEquations& out) const {
+  const Projection project(camera(k));
+  const Eigen::Index size = problem_.model.parameters().tangent_size();
+  out.reset(motion != nullptr ? size : 0);
+  for (const ContourTarget& target : views_[k].contour) {
+    const auto& corner =
+        problem_.fitter.topology().triangles[static_cast<std::size_t>(target.triangle)];
+    Eigen::Vector2f seen = Eigen::Vector2f::Zero();
+    for (int i = 0; i < 3; ++i) {
+      seen += target.barycentric[i] * project.pixel(project.camera_point(positions.row(corner[i])));
+    }
+    const ContourTarget::Loss loss = target.loss(seen);
+    out.cost += loss.cost;
+    if (motion == nullptr) continue;
+    Eigen::VectorXd derivative = Eigen::VectorXd::Zero(size);
+    for (int i = 0; i < 3; ++i) {
+      for (int axis = 0; axis < 2; ++axis) {
+        derivative += (target.barycentric[i] * target.normal[axis] *
+                       motion->row(2 * corner[i] + axis).head(size))
+                          .transpose()
+                          .cast<double>();
+      }
+    }
+    out.gradient += loss.slope * derivative;
+    out.hessian.selfadjointView<Eigen::Lower>().rankUpdate(derivative, loss.curvature);
+  }
+  out.hessian.triangularView<Eigen::StrictlyUpper>() = out.hessian.transpose();
 }
 
 /// Six rounds of reweighting with Geman-McClure's weights.
@@ -287,6 +328,10 @@ void BundleObjective::robust_mean(const std::vector<Sighting>& seen,
                                   const std::vector<Samples>& samples, Mean& out) const {
   const double cut = std::max(sigma_ * kRobustWidth, kLeastCut);
   const auto albedo = [&](std::size_t s) { return samples[seen[s].view].albedo[seen[s].index]; };
+  // Outliers are judged by what is seen: darkening a keyframe until its albedo is one must not pay.
+  const auto root = [&](std::size_t s) {
+    return samples[seen[s].view].root_of_light[seen[s].index].mean();
+  };
   const auto full = [&](std::size_t s) { return samples[seen[s].view].weight[seen[s].index]; };
   out.weight.resize(seen.size());
   for (std::size_t s = 0; s < seen.size(); ++s) out.weight[s] = full(s);
@@ -302,7 +347,8 @@ void BundleObjective::robust_mean(const std::vector<Sighting>& seen,
     out.cost = 0.0;
     for (std::size_t s = 0; s < seen.size(); ++s) {
       const double r = albedo(s) - out.value;
-      const double q = 1.0 / (1.0 + r * r / (cut * cut));
+      const double shown = root(s) * r / cut;
+      const double q = 1.0 / (1.0 + shown * shown);
       // The last mean must belong to the last weights: the marginal rests on it.
       if (round + 1 < kRounds) out.weight[s] = full(s) * q * q;
       out.cost += 0.5 * full(s) * q * r * r;
@@ -310,8 +356,7 @@ void BundleObjective::robust_mean(const std::vector<Sighting>& seen,
   }
 }
 
-double BundleObjective::albedo_term(const std::vector<Samples>& samples,
-                                    NormalEquations* out) const {
+double BundleObjective::albedo_term(std::vector<Samples>& samples, NormalEquations* out) const {
   double cost = 0.0;
   Mean mean;
   if (out == nullptr) {
@@ -342,6 +387,10 @@ double BundleObjective::albedo_term(const std::vector<Samples>& samples,
       const auto i = static_cast<Eigen::Index>(index);
       weight[k][i] = static_cast<float>(mean.weight[s]);
       residual[k][i] = static_cast<float>(samples[k].albedo[index] - mean.value);
+      // What light changes in the image is its product with the mean. With the view's own albedo,
+      // whose noise is that of the residual, more light would always seem to pay.
+      samples[k].jacobian.row(i).tail<BundleLayout::light_size>() *=
+          static_cast<float>(mean.value) / samples[k].albedo[index];
       const auto w = static_cast<float>(mean.weight[s] * scale);
       float* target = coupling.row(static_cast<Eigen::Index>(row)).data();
       const float* derivative = samples[k].jacobian.row(i).data();
@@ -405,9 +454,24 @@ double BundleObjective::prior_term(const Eigen::VectorXd& x, NormalEquations* ou
   return cost;
 }
 
+double BundleObjective::contour_term(const std::vector<Samples>& samples,
+                                     NormalEquations* out) const {
+  double cost = 0.0;
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    cost += samples[k].contour.cost;
+    if (out == nullptr) continue;
+    std::vector<Eigen::Index> tangent = problem_.layout.tangent(k);
+    tangent.resize(tangent.size() - BundleLayout::light_size);
+    out->hessian(tangent, tangent) += samples[k].contour.hessian;
+    out->gradient(tangent) += samples[k].contour.gradient;
+  }
+  return cost;
+}
+
 double BundleObjective::build(const Eigen::VectorXd& x, NormalEquations* out) const {
-  const double cost =
-      albedo_term(sample_all(x, out != nullptr), out) + part_term(x, out) + prior_term(x, out);
+  std::vector<Samples> samples = sample_all(x, out != nullptr);
+  const double cost = albedo_term(samples, out) + contour_term(samples, out) + part_term(x, out) +
+                      prior_term(x, out);
   return std::isfinite(cost) ? cost : std::numeric_limits<double>::infinity();
 }
 
@@ -440,57 +504,58 @@ double BundleObjective::deviation(const Eigen::VectorXd& x) const {
 }
 
 std::vector<ShLight> BundleObjective::lights(const Eigen::VectorXd& x) const {
-  using Matrix9 = Eigen::Matrix<double, 9, 9>;
-  using Vector9 = Eigen::Matrix<double, 9, 1>;
   constexpr double kPull = 0.05;  // towards the common light, relative to the data
   const std::vector<Samples> samples = sample_all(x, false);
-  std::vector<std::array<Matrix9, 3>> normal(samples.size());
-  std::vector<std::array<Vector9, 3>> right(samples.size());
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    for (int c = 0; c < 3; ++c) {
-      normal[k][c].setZero();
-      right[k][c].setZero();
-    }
-  }
+  std::vector<LightEquations> equations(samples.size());
   Mean mean;
   for (const auto& seen : sightings_) {
     robust_mean(seen, samples, mean);
-    Eigen::Vector3d root = Eigen::Vector3d::Zero();  // of the albedo, in colour
+    Eigen::Vector3f albedo = Eigen::Vector3f::Zero();  // encoded, in colour
     for (std::size_t s = 0; s < seen.size(); ++s) {
       const Samples& view = samples[seen[s].view];
-      root += mean.weight[s] / mean.total_weight *
-              view.encoded[seen[s].index]
-                  .cwiseQuotient(view.root_of_light[seen[s].index])
-                  .cast<double>();
+      albedo += static_cast<float>(mean.weight[s] / mean.total_weight) *
+                view.encoded[seen[s].index].cwiseQuotient(view.root_of_light[seen[s].index]);
     }
     for (std::size_t s = 0; s < seen.size(); ++s) {
       const auto [k, i] = seen[s];
-      const Vector9 basis =
-          Eigen::Map<const Eigen::Matrix<float, 9, 1>>(views_[k].basis[i].data()).cast<double>();
-      for (int c = 0; c < 3; ++c) {
-        const double albedo = root[c] * root[c];
-        const double observed = samples[k].encoded[i][c] * samples[k].encoded[i][c];
-        // d(encoded) = d(linear) / (2 encoded): the weight undoes the encoding.
-        const double w = mean.weight[s] / std::max(4.0 * observed, 0.02);
-        normal[k][c] += w * albedo * albedo * basis * basis.transpose();
-        right[k][c] += w * albedo * observed * basis;
+      equations[k].add(views_[k].basis[i], albedo.data(), samples[k].encoded[i].data(),
+                       mean.weight[s]);
+    }
+  }
+  std::vector<ShLight> out;
+  for (const LightEquations& light : equations)
+    out.push_back(light.solve(problem_.light, kPull, 2));
+  return out;
+}
+
+ShLight BundleObjective::common_light(const Eigen::VectorXd& x) const {
+  constexpr double kPull = 0.01;
+  constexpr double kWidth = 0.2;  // relative to the albedo: farther from it counts a quarter
+  const std::vector<Samples> samples = sample_all(x, false);
+  ShLight light = problem_.light;
+  for (int round = 0; round < 3; ++round) {
+    LightEquations equations;
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      for (std::size_t i = 0; i < views_[k].triangle.size(); ++i) {
+        const GenericColour& colour =
+            problem_.colour[static_cast<std::size_t>(views_[k].triangle[i])];
+        if (!(colour.confidence > 0.0f)) continue;
+        Eigen::Vector3f lit = Eigen::Vector3f::Zero();
+        for (int b = 0; b < 9; ++b) lit += views_[k].basis[i][b] * light.coefficients[b];
+        const Eigen::Vector3f& observed = samples[k].encoded[i];
+        const Eigen::Vector3f expected =
+            colour.encoded.cwiseProduct(lit.cwiseMax(1e-4f).cwiseSqrt());
+        const double away =
+            round == 0 ? 0.0
+                       : (observed - expected).norm() / std::max(kWidth * expected.norm(), 1e-6);
+        const double q = 1.0 / (1.0 + away * away);
+        equations.add(views_[k].basis[i], colour.encoded.data(), observed.data(),
+                      colour.confidence * views_[k].size[i] * q * q);
       }
     }
+    light = equations.solve(light, kPull, 2);
   }
-  std::vector<ShLight> out(samples.size(), problem_.light);
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    for (int c = 0; c < 3; ++c) {
-      Vector9 before;
-      for (int b = 0; b < 9; ++b) before[b] = problem_.light.coefficients[b][c];
-      const double pull = kPull * std::max(normal[k][c](0, 0), 1e-9);
-      Matrix9 system = normal[k][c];
-      system.diagonal().array() += pull;
-      const Vector9 after = system.ldlt().solve(right[k][c] + pull * before);
-      if (!after.allFinite()) continue;
-      for (int b = 0; b < 9; ++b) out[k].coefficients[b][c] = static_cast<float>(after[b]);
-    }
-  }
-  return out;
+  return light;
 }
 
 }  // namespace semblance

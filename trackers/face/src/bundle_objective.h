@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "semblance/cost/contour.h"
 #include "semblance/face/face_bundle.h"
 #include "semblance/optim/objective.h"
 
@@ -35,13 +36,21 @@ struct BundleLayout {
   }
 };
 
-/// What stays the same through all rounds of an adjustment.
+/// Colour that a triangle has on most faces, relative to the skin, and how far that can be trusted.
+struct GenericColour {
+  Eigen::Vector3f encoded;
+  float confidence;
+};
+
+/// What stays the same through all rounds of an adjustment, but for the light.
 struct BundleProblem {
   const FaceFitter& fitter;
   const MorphModel& model;
   const std::vector<float>& triangle_weight;
+  const std::vector<ContourEdge>& contour;
+  const std::vector<GenericColour>& colour;
   Camera camera;  // of full resolution
-  ShLight light;  // common to all keyframes
+  ShLight light;  // common to all keyframes; renewed between rounds
   const std::vector<Keyframe>& keyframes;
   const BundleLayout& layout;
 };
@@ -65,6 +74,9 @@ class BundleObjective : public Objective {
   double deviation(const Eigen::VectorXd& x) const;
   /// Lights of the keyframes, in colour, that agree best with the mean albedo.
   std::vector<ShLight> lights(const Eigen::VectorXd& x) const;
+  /// The light under which all keyframes show a face of the generic colours. Turning shows it from
+  /// all sides; one keyframe leaves it open where no normal points.
+  ShLight common_light(const Eigen::VectorXd& x) const;
 
  private:
   /// What one keyframe sees at the start.
@@ -73,6 +85,7 @@ class BundleObjective : public Objective {
     std::vector<float> size;                     // share of the picture, in independent residuals
     std::vector<Eigen::Vector3f> root_of_light;  // of the common light, encoded
     std::vector<std::array<float, 9>> basis;
+    std::vector<ContourTarget> contour;
   };
   /// The albedo it shows at the middles of those triangles.
   struct Samples {
@@ -81,6 +94,7 @@ class BundleObjective : public Objective {
     std::vector<Eigen::Vector3f> encoded, root_of_light;
     /// Row i: derivatives of albedo[i] by the model's tangent entries, then the light's.
     Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;
+    NormalEquations contour;  // of the outline, by the model's tangent entries
   };
   /// One keyframe's view of a triangle: entry `index` of its lists.
   struct Sighting {
@@ -98,10 +112,14 @@ class BundleObjective : public Objective {
   Samples sample(const Eigen::VectorXd& x, std::size_t k, bool with_jacobian) const;
   void differentiate(const Eigen::VectorXd& x, std::size_t k, const PointsF& positions,
                      const std::vector<float>& slopes, Samples& out) const;
+  /// `motion`: of all vertices' pixels; null where only the cost matters.
+  void compare_contour(std::size_t k, const PointsF& positions, const VertexJacobian* motion,
+                       NormalEquations& out) const;
   void robust_mean(const std::vector<Sighting>& seen, const std::vector<Samples>& samples,
                    Mean& out) const;
   double build(const Eigen::VectorXd& x, NormalEquations* out) const;
-  double albedo_term(const std::vector<Samples>& samples, NormalEquations* out) const;
+  double albedo_term(std::vector<Samples>& samples, NormalEquations* out) const;
+  double contour_term(const std::vector<Samples>& samples, NormalEquations* out) const;
   double part_term(const Eigen::VectorXd& x, NormalEquations* out) const;
   double prior_term(const Eigen::VectorXd& x, NormalEquations* out) const;
 

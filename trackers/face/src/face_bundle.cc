@@ -13,6 +13,22 @@ constexpr double kCoarseEyes_px = 14.0;  // on the coarsest level the face still
 constexpr double kFirstSigma = 0.04;
 constexpr int kRounds = 2;  // per level: visibility, shading and deviation are renewed in each
 
+std::vector<GenericColour> generic_colours(const MorphShape& shape,
+                                           const SurfaceTopology& topology) {
+  const PointsF albedo = vertex_albedo(shape);
+  const std::vector<float> confidence = vertex_confidence(shape);
+  std::vector<GenericColour> out;
+  for (const auto& corner : topology.triangles) {
+    GenericColour colour{Eigen::Vector3f::Zero(), 1.0f};
+    for (int v : corner) {
+      colour.encoded += albedo.row(v).transpose().cwiseSqrt() / 3.0f;
+      colour.confidence = std::min(colour.confidence, confidence[static_cast<std::size_t>(v)]);
+    }
+    out.push_back(colour);
+  }
+  return out;
+}
+
 }  // namespace
 
 FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, const Camera& camera,
@@ -20,16 +36,20 @@ FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, cons
   const BundleLayout layout(model.parameters(), model.shape().identity_count, keyframes.size());
   const std::vector<float> weight =
       triangle_weights(model.shape(), fitter.topology(), tracking_weight);
+  const std::vector<ContourEdge> contour =
+      contour_edges(fitter.topology(), contour_weight(model.shape()));
+  const std::vector<GenericColour> colour = generic_colours(model.shape(), fitter.topology());
   std::vector<Eigen::VectorXd> models;
   for (const Keyframe& keyframe : keyframes) models.push_back(keyframe.x);
-  const BundleProblem problem{
-      fitter,
-      model,
-      weight,
-      camera,
-      fitter.part_light(*keyframes.front().observation, camera, models.front()),
-      keyframes,
-      layout};
+  BundleProblem problem{fitter,
+                        model,
+                        weight,
+                        contour,
+                        colour,
+                        camera,
+                        fitter.part_light(*keyframes.front().observation, camera, models.front()),
+                        keyframes,
+                        layout};
 
   OptimizerOptions options;
   options.max_iterations = 6;
@@ -45,6 +65,7 @@ FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, cons
                                  eye_distance_px(camera, models.front()), kCoarseEyes_px);
   for (int level = coarsest; level >= 0; --level) {
     for (int round = 0; round < kRounds; ++round) {
+      problem.light = BundleObjective(problem, level, solution.x, sigma).common_light(solution.x);
       sigma = BundleObjective(problem, level, solution.x, sigma).deviation(solution.x);
       const BundleObjective objective(problem, level, solution.x, sigma);
       solution = optimizer->minimize(objective, solution.x, silent_progress());

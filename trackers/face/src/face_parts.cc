@@ -128,6 +128,26 @@ std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopolog
   return best;
 }
 
+std::vector<float> contour_weight(const MorphShape& shape) {
+  PointsF normals;
+  vertex_normals(shape.mesh->positions_m.cast<float>(), shape.mesh->triangles, normals);
+  std::vector<float> out(static_cast<std::size_t>(shape.mesh->vertex_count()), 0.0f);
+  for (std::size_t v = 0; v < out.size(); ++v) {
+    const FacePart part = part_of(shape, static_cast<int>(v));
+    if (part != FacePart::skin && part != FacePart::lips && part != FacePart::brow) continue;
+    out[v] = std::clamp((normals(static_cast<Eigen::Index>(v), 2) - 0.15f) / 0.2f, 0.0f, 1.0f);
+  }
+  return out;
+}
+
+ContourOptions contour_options(double eyes_px) {
+  // A face's outline is rounder or hollower than the model's by about this much, alike along such
+  // a length of it; turns between frames move it less far.
+  constexpr double kSigma = 0.03, kCorrelation = 0.2, kReach = 0.25;
+  constexpr double kLeastSigma_px = 0.5;
+  return {kReach * eyes_px, std::max(kLeastSigma_px, kSigma * eyes_px), kCorrelation * eyes_px};
+}
+
 std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
                                     float (*weight)(FacePart)) {
   std::vector<float> out;

@@ -6,6 +6,7 @@
 
 #include "semblance/core/camera.h"
 #include "semblance/core/mesh.h"
+#include "semblance/cost/contour.h"
 #include "semblance/cost/observation.h"
 #include "semblance/cost/surface_equations.h"
 #include "semblance/models/morph_model.h"
@@ -36,6 +37,11 @@ std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopol
 /// The foremost triangle of each iris, that of the face's right eye (left in the image) first; -1
 /// where the shape has none.
 std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopology& topology);
+/// How far the outline of the face there is that of its skin: 1 in front, falling to 0 where the
+/// head turns towards the ears, whose outline is hair as often; 0 off the skin.
+std::vector<float> contour_weight(const MorphShape& shape);
+/// How to compare that outline where the eyes are so far apart.
+ContourOptions contour_options(double eyes_px);
 /// Weight of each triangle: the least of its corners'.
 std::vector<float> triangle_weights(const MorphShape& shape, const SurfaceTopology& topology,
                                     float (*weight)(FacePart));

@@ -11,6 +11,7 @@
 #include "face_parts.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
+#include "semblance/cost/contour.h"
 #include "semblance/cost/landmark.h"
 #include "semblance/cost/prior.h"
 #include "semblance/face/face_bundle.h"
@@ -113,13 +114,15 @@ struct Person {
         workspace(model, topology),
         appearance(*model.shape().mesh, texture_size, vertex_albedo(model.shape()),
                    unseen_confidence(model.shape())),
-        triangle_weight(triangle_weights(model.shape(), topology, tracking_weight)) {}
+        triangle_weight(triangle_weights(model.shape(), topology, tracking_weight)),
+        contour(contour_edges(topology, contour_weight(model.shape()))) {}
 
   MorphModel model;
   SurfaceTopology topology;
   SynthesisWorkspace workspace;
   Appearance appearance;
   std::vector<float> triangle_weight;
+  std::vector<ContourEdge> contour;
 };
 
 struct FaceTracker::Impl {
@@ -145,9 +148,19 @@ struct FaceTracker::Impl {
     std::string reason;
   };
 
+  /// What a level of a frame is compared with.
+  struct Comparison {
+    PhotometricOptions photometric;
+    ShLight light;
+    std::vector<ContourTarget> contour;
+  };
+
   bool start(const Observation& observation);
   void make_person(const Eigen::VectorXd& identity);
   std::vector<int> free_blocks() const;
+  /// As far as it can be told from the face at x.
+  Comparison compare_at(const ObservationLevel& level, const Eigen::VectorXd& x,
+                        const ShLight& light, int light_stride) const;
   Attempt fit_frame(const Observation& observation, const Eigen::VectorXd& predicted,
                     double looseness, const Optimizer& method) const;
   /// Lids shut within a frame or two, further than gradients reach: where the fit has them open,
@@ -226,6 +239,34 @@ std::vector<int> FaceTracker::Impl::free_blocks() const {
   return blocks;
 }
 
+FaceTracker::Impl::Comparison FaceTracker::Impl::compare_at(const ObservationLevel& level,
+                                                            const Eigen::VectorXd& x,
+                                                            const ShLight& light,
+                                                            int light_stride) const {
+  Comparison out;
+  out.light = light;
+  out.photometric.sigma = state.sigma;
+  out.photometric.correlation_area_px =
+      std::max(1.0, state.correlation_area_px * level.scale * level.scale);
+  const double eyes_px = eye_distance_px(camera, x) * level.scale;
+  const SynthesisObjective probe(person->workspace, x, free_blocks(), light,
+                                 camera.scaled(level.scale), {});
+  probe.with_synthesis(x, [&](const Synthesis& synthesis) {
+    if (synthesis.pixels.size() == 0) return;
+    out.photometric.texture_level =
+        matching_texture_level(synthesis, person->appearance, person->topology);
+    out.photometric.reference_pixels = static_cast<double>(synthesis.pixels.size());
+    const PhotometricCost cost(&level, &person->appearance, &person->topology,
+                               &person->triangle_weight, out.photometric);
+    out.light = estimate_light(synthesis, level, person->appearance, person->topology,
+                               cost.statistics(synthesis).pixel_weight,
+                               {.pull = 0.05, .order = 2, .stride = light_stride});
+    out.contour = find_contour(synthesis, level, person->topology, person->triangle_weight,
+                               person->contour, contour_options(eyes_px));
+  });
+  return out;
+}
+
 FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& observation,
                                                         const Eigen::VectorXd& predicted,
                                                         double looseness,
@@ -242,30 +283,18 @@ FaceTracker::Impl::Attempt FaceTracker::Impl::fit_frame(const Observation& obser
     const std::vector<int>& free = l > 0 ? pose : everything;
     const ObservationLevel& level = observation.levels[static_cast<std::size_t>(l)];
     const Camera at = camera.scaled(level.scale);
-    PhotometricOptions photometric;
-    photometric.sigma = state.sigma;
-    photometric.correlation_area_px =
-        std::max(1.0, state.correlation_area_px * level.scale * level.scale);
+    const Comparison look = compare_at(level, attempt.x, attempt.light, l == 0 ? 3 : 1);
+    attempt.light = look.light;
+    const PhotometricCost cost(&level, &person->appearance, &person->topology,
+                               &person->triangle_weight, look.photometric);
+    const ContourCost contour(look.contour, &person->topology);
     const SynthesisObjective probe(person->workspace, attempt.x, free, attempt.light, at, {});
     const Eigen::VectorXd start = probe.restrict_to_free(attempt.x);
-    probe.with_synthesis(start, [&](const Synthesis& synthesis) {
-      if (synthesis.pixels.size() == 0) return;
-      photometric.texture_level =
-          matching_texture_level(synthesis, person->appearance, person->topology);
-      photometric.reference_pixels = static_cast<double>(synthesis.pixels.size());
-      const PhotometricCost cost(&level, &person->appearance, &person->topology,
-                                 &person->triangle_weight, photometric);
-      attempt.light = estimate_light(synthesis, level, person->appearance, person->topology,
-                                     cost.statistics(synthesis).pixel_weight,
-                                     {.pull = 0.05, .order = 2, .stride = l == 0 ? 3 : 1});
-    });
-    const PhotometricCost cost(&level, &person->appearance, &person->topology,
-                               &person->triangle_weight, photometric);
     const PriorCost prior(probe.space());
     const Eigen::VectorXd spread = looseness * frame_to_frame_sigma(probe.space());
     const PriorCost temporal(probe.restrict_to_free(predicted), spread);
     SynthesisObjective objective(person->workspace, attempt.x, free, attempt.light, at,
-                                 {&cost, &prior, &temporal});
+                                 {&cost, &contour, &prior, &temporal});
     objective.set_step_scale(spread);
     Solution solution = method.minimize(objective, start, silent_progress());
     if (l == 0) try_lids(objective, solution);
@@ -460,27 +489,14 @@ ClipFrame FaceTracker::linearize(const TrackFrame& frame, const Observation& obs
   const Eigen::Index identities = m.state.identity.size();
   out.x.resize(frame.x.size() - identities);
   out.x << frame.x.head<7>(), frame.x.tail(frame.x.size() - 7 - identities);
-  const std::vector<int> free = m.free_blocks();
   const ObservationLevel& level = observation.levels.front();
-  PhotometricOptions photometric;
-  photometric.sigma = m.state.sigma;
-  photometric.correlation_area_px = std::max(1.0, m.state.correlation_area_px);
-  ShLight light = m.state.light;
-  const SynthesisObjective probe(m.person->workspace, out.x, free, light, m.camera, {});
-  probe.with_synthesis(out.x, [&](const Synthesis& synthesis) {
-    photometric.texture_level =
-        matching_texture_level(synthesis, m.person->appearance, m.person->topology);
-    const PhotometricCost cost(&level, &m.person->appearance, &m.person->topology,
-                               &m.person->triangle_weight, photometric);
-    light = estimate_light(synthesis, level, m.person->appearance, m.person->topology,
-                           cost.statistics(synthesis).pixel_weight,
-                           {.pull = 0.05, .order = 2, .stride = 3});
-  });
+  const Impl::Comparison look = m.compare_at(level, out.x, m.state.light, 3);
   const PhotometricCost cost(&level, &m.person->appearance, &m.person->topology,
-                             &m.person->triangle_weight, photometric);
-  const PriorCost prior(probe.space());
-  const SynthesisObjective objective(m.person->workspace, out.x, free, light, m.camera,
-                                     {&cost, &prior});
+                             &m.person->triangle_weight, look.photometric);
+  const ContourCost contour(look.contour, &m.person->topology);
+  const PriorCost prior(m.person->model.parameters());
+  const SynthesisObjective objective(m.person->workspace, out.x, m.free_blocks(), look.light,
+                                     m.camera, {&cost, &contour, &prior});
   NormalEquations equations;
   if (objective.normal_equations(out.x, equations)) out.model = std::move(equations);
   return out;

@@ -41,6 +41,15 @@ Camera camera_for(const FaceTrackingOptions& options, const VideoInfo& info) {
   return Camera::centred(info.width, info.height, focal);
 }
 
+/// With all of its texture in one unit square, as one picture holds it.
+MorphShape load_tracked_face(const std::string& model) {
+  MorphShape shape = load_face(model);
+  Mesh mesh = *shape.mesh;
+  pack_uvs(mesh, model);
+  shape.mesh = std::make_shared<const Mesh>(std::move(mesh));
+  return shape;
+}
+
 /// The 68 marks as landmarks of the model; the jaw line is marked less exactly than the rest.
 std::vector<FaceMark> marks_from(const std::string& path, std::size_t landmark_count,
                                  const Camera& camera) {
@@ -112,7 +121,7 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
   const auto begin = std::chrono::steady_clock::now();
   const VideoInfo info = VideoSource(options.video).info();
   Camera camera = camera_for(options, info);
-  const MorphShape shape = load_face(options.model);
+  const MorphShape shape = load_tracked_face(options.model);
   FaceTrackerOptions tracking;
   tracking.optimizer = options.optimizer;
   tracking.seed = options.seed;
