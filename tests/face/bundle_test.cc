@@ -156,7 +156,11 @@ TEST_F(BundleTest, GradientIsThatOfTheCost) {
   const std::vector<Keyframe> keyframes = disturbed();
   std::vector<Eigen::VectorXd> starts;
   for (const Keyframe& keyframe : keyframes) starts.push_back(keyframe.x);
-  const BundleProblem problem{*fitter_, *model_, weight, camera_, ShLight(), keyframes, layout};
+  const std::vector<ContourEdge> contour =
+      contour_edges(fitter_->topology(), contour_weight(model_->shape()));
+  const std::vector<GenericColour> colour = generic_colours(model_->shape(), fitter_->topology());
+  const BundleProblem problem{*fitter_, *model_,   weight,    contour, colour,
+                              camera_,  ShLight(), keyframes, layout};
   const Eigen::VectorXd x = layout.join(starts);
   // So small that the albedos outweigh the parts, whose cost has steps where pixels change sides.
   const double sigma = 0.003;
@@ -164,18 +168,21 @@ TEST_F(BundleTest, GradientIsThatOfTheCost) {
   NormalEquations equations;
   ASSERT_TRUE(objective.normal_equations(x, equations));
   EXPECT_NEAR(equations.cost, objective.evaluate(x), 1e-6 * equations.cost);
-  // Along the poses' part of the gradient and along the identity's; expressions rest on bounds. The
+  // Along the parts of the gradient of poses, lights and identity; expressions rest on bounds. The
   // derivatives of a picture are central differences over two pixels, a few percent less steep than
   // the picture between its pixels.
-  Eigen::VectorXd poses = Eigen::VectorXd::Zero(equations.gradient.size());
+  Eigen::VectorXd poses = Eigen::VectorXd::Zero(equations.gradient.size()), lights = poses;
   for (std::size_t k = 0; k < 4; ++k) {
     const std::vector<Eigen::Index> tangent = layout.tangent(k);
     for (std::size_t i = 0; i < 6; ++i) poses[tangent[i]] = 1.0;
+    for (std::size_t i = 1; i <= BundleLayout::light_size; ++i) {
+      lights[tangent[tangent.size() - i]] = 1.0;
+    }
   }
   Eigen::VectorXd identity = Eigen::VectorXd::Zero(equations.gradient.size());
   identity.head(layout.identity_size).setOnes();
   const Eigen::VectorXd scale = equations.hessian.diagonal().cwiseMax(1e-9).cwiseInverse();
-  for (const Eigen::VectorXd& part : {poses, identity}) {
+  for (const Eigen::VectorXd& part : {poses, lights, identity}) {
     const Eigen::VectorXd direction = part.cwiseProduct(scale).cwiseProduct(equations.gradient);
     const double h = 0.002;
     const double up = objective.evaluate(layout.space.plus(x, h * direction));

@@ -5,7 +5,6 @@
 #include <limits>
 #include <numeric>
 
-#include "face_parts.h"
 #include "semblance/core/parallel.h"
 #include "semblance/cost/light_equations.h"
 #include "semblance/render/visibility.h"
@@ -287,9 +286,6 @@ void BundleObjective::differentiate(const Eigen::VectorXd& x, std::size_t k,
       row.head(size) += slopes[2 * i] / 3.0f * motion.row(2 * v).head(size) +
                         slopes[2 * i + 1] / 3.0f * motion.row(2 * v + 1).head(size);
     }
-    const Eigen::Map<const Eigen::RowVectorXf> basis(view.basis[i].data(),
-                                                     BundleLayout::light_size);
-    row.tail<BundleLayout::light_size>() = -out.albedo[i] * basis;
   }
 }
 
@@ -389,8 +385,10 @@ double BundleObjective::albedo_term(std::vector<Samples>& samples, NormalEquatio
       residual[k][i] = static_cast<float>(samples[k].albedo[index] - mean.value);
       // What light changes in the image is its product with the mean. With the view's own albedo,
       // whose noise is that of the residual, more light would always seem to pay.
-      samples[k].jacobian.row(i).tail<BundleLayout::light_size>() *=
-          static_cast<float>(mean.value) / samples[k].albedo[index];
+      samples[k].jacobian.row(i).tail<BundleLayout::light_size>() =
+          -static_cast<float>(mean.value) *
+          Eigen::Map<const Eigen::RowVectorXf>(views_[k].basis[index].data(),
+                                               BundleLayout::light_size);
       const auto w = static_cast<float>(mean.weight[s] * scale);
       float* target = coupling.row(static_cast<Eigen::Index>(row)).data();
       const float* derivative = samples[k].jacobian.row(i).data();

@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "face_parts.h"
 #include "semblance/cost/contour.h"
 #include "semblance/face/face_bundle.h"
 #include "semblance/optim/objective.h"
@@ -36,12 +37,6 @@ struct BundleLayout {
   }
 };
 
-/// Colour that a triangle has on most faces, relative to the skin, and how far that can be trusted.
-struct GenericColour {
-  Eigen::Vector3f encoded;
-  float confidence;
-};
-
 /// What stays the same through all rounds of an adjustment, but for the light.
 struct BundleProblem {
   const FaceFitter& fitter;
@@ -57,7 +52,8 @@ struct BundleProblem {
 
 /// The bundle at one level of the pyramids. The albedo of a triangle's middle is free: it is the
 /// robust mean of what the keyframes show there, and its marginal, the Schur complement, is what
-/// the normal equations hold. What is visible, and the direction of each normal to the light, are
+/// the normal equations hold. The outline is compared with the edge of the colours in each keyframe
+/// (find_contour). What is visible, and the direction of each normal to the light, are
 /// those at the start, so that the cost is smooth; what a turn does to shading is left to the
 /// keyframe's own light, which would explain it anyway.
 class BundleObjective : public Objective {
@@ -92,7 +88,8 @@ class BundleObjective : public Objective {
     std::vector<float> albedo;  // encoded grey
     std::vector<float> weight;  // size over the variance of `albedo`
     std::vector<Eigen::Vector3f> encoded, root_of_light;
-    /// Row i: derivatives of albedo[i] by the model's tangent entries, then the light's.
+    /// Row i: derivatives of albedo[i] by the model's tangent entries; albedo_term adds the
+    /// light's.
     Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian;
     NormalEquations contour;  // of the outline, by the model's tangent entries
   };

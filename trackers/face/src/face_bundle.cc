@@ -13,22 +13,6 @@ constexpr double kCoarseEyes_px = 14.0;  // on the coarsest level the face still
 constexpr double kFirstSigma = 0.04;
 constexpr int kRounds = 2;  // per level: visibility, shading and deviation are renewed in each
 
-std::vector<GenericColour> generic_colours(const MorphShape& shape,
-                                           const SurfaceTopology& topology) {
-  const PointsF albedo = vertex_albedo(shape);
-  const std::vector<float> confidence = vertex_confidence(shape);
-  std::vector<GenericColour> out;
-  for (const auto& corner : topology.triangles) {
-    GenericColour colour{Eigen::Vector3f::Zero(), 1.0f};
-    for (int v : corner) {
-      colour.encoded += albedo.row(v).transpose().cwiseSqrt() / 3.0f;
-      colour.confidence = std::min(colour.confidence, confidence[static_cast<std::size_t>(v)]);
-    }
-    out.push_back(colour);
-  }
-  return out;
-}
-
 }  // namespace
 
 FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, const Camera& camera,

@@ -92,6 +92,22 @@ std::vector<float> unseen_confidence(const MorphShape& shape) {
   return confidence;
 }
 
+std::vector<GenericColour> generic_colours(const MorphShape& shape,
+                                           const SurfaceTopology& topology) {
+  const PointsF albedo = vertex_albedo(shape);
+  const std::vector<float> confidence = vertex_confidence(shape);
+  std::vector<GenericColour> out;
+  for (const auto& corner : topology.triangles) {
+    GenericColour colour{Eigen::Vector3f::Zero(), 1.0f};
+    for (int v : corner) {
+      colour.encoded += albedo.row(v).transpose().cwiseSqrt() / 3.0f;
+      colour.confidence = std::min(colour.confidence, confidence[static_cast<std::size_t>(v)]);
+    }
+    out.push_back(colour);
+  }
+  return out;
+}
+
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology) {
   std::vector<float> out;
   for (const auto& corner : topology.triangles) {

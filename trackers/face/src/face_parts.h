@@ -31,6 +31,13 @@ PointsF vertex_albedo(const MorphShape& shape);
 std::vector<float> vertex_confidence(const MorphShape& shape);
 /// While tracking, a guessed colour counts little beside those that were seen.
 std::vector<float> unseen_confidence(const MorphShape& shape);
+/// Colour that a triangle has on most faces, relative to the skin, and how far that can be trusted.
+struct GenericColour {
+  Eigen::Vector3f encoded;
+  float confidence;
+};
+std::vector<GenericColour> generic_colours(const MorphShape& shape,
+                                           const SurfaceTopology& topology);
 /// 1 inside the oval of brows, eyes, nose, mouth and chin, falling to 0 around it: the part of a
 /// face that is neither hair nor neck nor background, whoever's it is.
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology);
