@@ -6,7 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "program.h"
+#include "semblance/io/image_io.h"
 #include "semblance/io/track_file.h"
+#include "semblance/io/video.h"
 #include "support.h"
 
 namespace semblance::testing {
@@ -57,6 +59,35 @@ TEST(Webcam, FirstFramesAreTrackedWhereTheyWereMarked) {
   const double median = 0.5 * (distances[14] + distances[15]);
   RecordProperty("median_percent", std::to_string(median));
   EXPECT_LT(median, kMedianPercent);
+}
+
+// A model of several materials, whose texture coordinates lie over each other.
+TEST(Webcam, IsTrackedWithTheFaceKitModel) {
+  constexpr const char* kModel = "face/ict-facekit";
+  constexpr int kMarked = 21;  // frame 20 has the first marks
+  SEMBLANCE_NEED_DATA(kVideo);
+  SEMBLANCE_NEED_DATA(kModel);
+  const TemporaryFolder frames, folder;
+  VideoSource video(data_path(kVideo).string());
+  Rgb8 picture;
+  for (int i = 0; i < kMarked; ++i) {
+    ASSERT_TRUE(video.next(picture));
+    write_image((frames.path() / (std::to_string(100 + i) + ".png")).string(), picture);
+  }
+  const ProgramResult run =
+      run_program({"track", "face", frames.path().string(), "-o", folder.path().string(), "--model",
+                   data_path(kModel).string(), "--no-overlay"});
+  ASSERT_EQ(run.exit_code, 0) << run.output;
+  const Track track = read_track((folder.path() / "track.jsonl").string());
+  ASSERT_EQ(track.frames.size(), static_cast<std::size_t>(kMarked));
+  for (const TrackFrame& frame : track.frames) {
+    ASSERT_EQ(frame.status, TrackStatus::tracked) << "frame " << frame.frame;
+  }
+  std::vector<double> distances =
+      distances_percent(track, nlohmann::json::parse(file_bytes(SEMBLANCE_MARKS)));
+  ASSERT_FALSE(distances.empty());
+  std::sort(distances.begin(), distances.end());
+  EXPECT_LT(distances[distances.size() / 2], kMedianPercent);
 }
 
 }  // namespace
