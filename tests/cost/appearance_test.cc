@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "semblance/cost/light.h"
 #include "semblance/cost/photometric.h"
 #include "semblance/render/renderer.h"
 #include "sheet.h"

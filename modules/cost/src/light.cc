@@ -1,10 +1,10 @@
+#include "semblance/cost/light.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include <Eigen/Cholesky>
 
-#include "semblance/cost/light_equations.h"
-#include "semblance/cost/photometric.h"
 #include "shaded_vertices.h"
 
 namespace semblance {

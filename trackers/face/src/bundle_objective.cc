@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "semblance/core/parallel.h"
-#include "semblance/cost/light_equations.h"
+#include "semblance/cost/light.h"
 #include "semblance/render/visibility.h"
 
 namespace semblance {
@@ -138,6 +138,12 @@ std::vector<Eigen::Index> BundleLayout::tangent(std::size_t k) const {
   for (Eigen::Index i = 0; i < 6; ++i) out.push_back(begin + i);
   for (Eigen::Index i = 0; i < identity_size; ++i) out.push_back(i);
   for (Eigen::Index i = 6; i < own; ++i) out.push_back(begin + i);
+  return out;
+}
+
+std::vector<Eigen::Index> BundleLayout::model_tangent(std::size_t k) const {
+  std::vector<Eigen::Index> out = tangent(k);
+  out.resize(out.size() - light_size);
   return out;
 }
 
@@ -430,8 +436,7 @@ double BundleObjective::part_term(const Eigen::VectorXd& x, NormalEquations* out
   for (std::size_t k = 0; k < parts.size(); ++k) {
     cost += share * parts[k].cost;
     if (out == nullptr) continue;
-    std::vector<Eigen::Index> tangent = problem_.layout.tangent(k);
-    tangent.resize(tangent.size() - BundleLayout::light_size);
+    const std::vector<Eigen::Index> tangent = problem_.layout.model_tangent(k);
     out->hessian(tangent, tangent) += share * parts[k].hessian;
     out->gradient(tangent) += share * parts[k].gradient;
   }
@@ -458,8 +463,7 @@ double BundleObjective::contour_term(const std::vector<Samples>& samples,
   for (std::size_t k = 0; k < samples.size(); ++k) {
     cost += samples[k].contour.cost;
     if (out == nullptr) continue;
-    std::vector<Eigen::Index> tangent = problem_.layout.tangent(k);
-    tangent.resize(tangent.size() - BundleLayout::light_size);
+    const std::vector<Eigen::Index> tangent = problem_.layout.model_tangent(k);
     out->hessian(tangent, tangent) += samples[k].contour.hessian;
     out->gradient(tangent) += samples[k].contour.gradient;
   }

@@ -27,6 +27,8 @@ struct BundleLayout {
   Eigen::VectorXd join(const std::vector<Eigen::VectorXd>& models) const;
   /// Tangent entry of the bundle for each tangent entry of keyframe k's model, then of its light.
   std::vector<Eigen::Index> tangent(std::size_t k) const;
+  /// The same without those of its light.
+  std::vector<Eigen::Index> model_tangent(std::size_t k) const;
 
   Eigen::Index identity_size, own_size;  // own: pose and expression of one keyframe
   ParameterSpace space;

@@ -17,6 +17,7 @@
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/core/random.h"
+#include "semblance/cost/light.h"
 #include "semblance/cost/photometric.h"
 #include "semblance/cost/prior.h"
 #include "semblance/face/face_tracker.h"

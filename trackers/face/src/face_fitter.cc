@@ -8,6 +8,8 @@
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/cost/landmark.h"
+#include "semblance/cost/light.h"
+#include "semblance/cost/photometric.h"
 #include "semblance/cost/prior.h"
 
 namespace semblance {

@@ -13,6 +13,8 @@
 #include "semblance/core/parallel.h"
 #include "semblance/cost/contour.h"
 #include "semblance/cost/landmark.h"
+#include "semblance/cost/light.h"
+#include "semblance/cost/photometric.h"
 #include "semblance/cost/prior.h"
 #include "semblance/face/face_bundle.h"
 

@@ -8,6 +8,7 @@
 
 #include "face_clip.h"
 #include "semblance/core/errors.h"
+#include "semblance/core/pack_uvs.h"
 #include "semblance/face/face_tracker.h"
 #include "semblance/io/camera_io.h"
 #include "semblance/io/points.h"

@@ -21,13 +21,6 @@ struct Mesh {
 /// triangle uses a vertex twice, or uvs are present in the wrong number.
 void validate(const Mesh& mesh, const std::string& source);
 
-/// Moves texture coordinates into one unit square, each place of which belongs to one place of the
-/// surface: models of several materials use several squares (UDIM tiles), or the same one several
-/// times. The charts of most triangles take nine sixteenths of the square, the others smaller
-/// squares above and beside. Nothing changes where this is so already. Throws InvalidInput, naming
-/// `source`, for a connected piece that lies in more than one unit square.
-void pack_uvs(Mesh& mesh, const std::string& source);
-
 /// Rows of floats, as renderers take them.
 using PointsF = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 

@@ -69,16 +69,4 @@ class PhotometricCost : public Cost {
   PhotometricOptions options_;
 };
 
-struct LightOptions {
-  double pull = 0.05;  // strength of the pull towards the scene's light, relative to the data
-  int order = 2;       // of the spherical harmonics that may change: 1 is ambient and direction
-  int stride = 1;      // uses every stride-th pixel
-};
-
-/// Light that explains the observation best: weighted least squares on the linear scale, with
-/// weights that undo the encoding. `pixel_weight` has one entry per visible pixel.
-ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
-                       const Appearance& appearance, const SurfaceTopology& topology,
-                       const std::vector<float>& pixel_weight, const LightOptions& options);
-
 }  // namespace semblance

@@ -1,4 +1,4 @@
-#include "semblance/cost/light_equations.h"
+#include "semblance/cost/light.h"
 
 #include <gtest/gtest.h>
 

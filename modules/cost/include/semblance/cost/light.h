@@ -1,10 +1,13 @@
-// Least squares for the light on a surface of known colours.
+// Least squares for the light on a surface of known colours: point by point, or from a picture.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 
 #include "semblance/core/scene.h"
+#include "semblance/cost/appearance.h"
+#include "semblance/cost/cost.h"
+#include "semblance/cost/observation.h"
 
 namespace semblance {
 
@@ -25,5 +28,17 @@ class LightEquations {
   std::array<Eigen::Matrix<double, 9, 9>, 3> normal_;
   std::array<Eigen::Matrix<double, 9, 1>, 3> right_;
 };
+
+struct LightOptions {
+  double pull = 0.05;  // strength of the pull towards the scene's light, relative to the data
+  int order = 2;       // of the spherical harmonics that may change: 1 is ambient and direction
+  int stride = 1;      // uses every stride-th pixel
+};
+
+/// Light that explains the observation best: weighted least squares on the linear scale, with
+/// weights that undo the encoding. `pixel_weight` has one entry per visible pixel.
+ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& observation,
+                       const Appearance& appearance, const SurfaceTopology& topology,
+                       const std::vector<float>& pixel_weight, const LightOptions& options);
 
 }  // namespace semblance
