@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 using Kind = MeasureKind;
 
 constexpr SkinPoint nasion{0, line_lid_crease - 0.15}, glabella{0, line_brow_top + 0.4};
-constexpr SkinPoint subnasale{0, line_subnasale}, pronasale{0, line_ala_top + 0.6};
+constexpr SkinPoint subnasale{0, line_subnasale}, pronasale{0, line_ala_top + 0.15};
 constexpr SkinPoint stomion{0, line_upper_contact}, gnathion{0, line_jaw};
 constexpr SkinPoint labiale_superius{0, line_upper_vermilion};
 constexpr SkinPoint labiale_inferius{0, line_lower_vermilion};
@@ -139,12 +139,12 @@ Vector3d profile_motion(const Vector3d& p, const Identity& c) {
            (1.0 - smooth_step(x, 44, 66));
   d.z() += c[brow_ridge] * bump2(x, y, 14, 19, 24, 8);
   d.x() += c[nose_breadth] * 0.5 * smooth_step(x, 1, 15) * (1.0 - smooth_step(x, 20, 34)) *
-           bump(y, -40, 12);
+           bump(y, -36, 12);
   // It falls off quickly below the tip: the lip stays.
-  d.z() += c[nose_protrusion] * bump2(x, y, 0, -35, 11, y > -35 ? 17 : 7);
+  d.z() += c[nose_protrusion] * bump2(x, y, 0, -34, 11, y > -34 ? 17 : 7);
   d.z() += c[nasal_bridge_height] * bump2(x, y, 0, 0, 9, 17);
   d.x() += c[nasal_bridge_width] * 0.5 * bump2(x, y, 9, -4, 7, 15);
-  d.y() += c[nose_tip_height] * bump2(x, y, 0, -39, 13, 9);
+  d.y() += c[nose_tip_height] * bump2(x, y, 0, -36, 13, 9);
   return d;
 }
 
@@ -224,7 +224,7 @@ const std::vector<IdentityMeasure>& identity_measures() {
        34.9,
        2.1,
        Kind::breadth,
-       {column_inner_eye - 0.35, line_tip_low},
+       {column_inner_eye - 0.35, line_ala_top + 0.35},
        {},
        "between the wings of the nose (al-al)"},
       {"nose_protrusion", 19.7, 1.9, Kind::distance, pronasale, subnasale,

@@ -17,14 +17,14 @@ struct LandmarkPlace {
 std::vector<LandmarkPlace> ibug_places() {
   std::vector<LandmarkPlace> all;
   // Jaw, from the right ear down and up to the left.
-  const std::vector<SkinPoint> jaw = {{column_ear - 0.2, line_lower_lid + 0.3},
-                                      {column_ear - 0.25, line_nose_mid},
-                                      {column_ear - 0.35, line_tip_low + 0.5},
-                                      {column_ear - 0.5, line_upper_contact - 0.5},
-                                      {column_zygion + 0.1, line_pogonion},
-                                      {column_cheek + 0.2, line_jaw - 0.4},
-                                      {column_outer_eye + 0.1, line_jaw - 0.2},
-                                      {column_mouth_corner + 0.3, line_jaw - 0.1},
+  const std::vector<SkinPoint> jaw = {{column_zygion + 0.25, line_upper_lid},
+                                      {column_zygion + 0.4, line_cheek_top + 0.7},
+                                      {column_zygion + 0.3, line_tip_low},
+                                      {column_zygion, line_mentolabial},
+                                      {column_cheek + 0.45, line_pogonion + 0.3},
+                                      {column_outer_eye + 0.6, line_jaw - 0.2},
+                                      {column_pupil - 0.15, line_jaw - 0.15},
+                                      {column_nostril + 0.4, line_jaw - 0.2},
                                       {0, line_jaw}};
   for (int i = 0; i <= 16; ++i)
     all.push_back({jaw[i <= 8 ? i : 16 - i], i < 8 ? -1.0 : i > 8 ? 1.0 : 0.0});
@@ -32,15 +32,15 @@ std::vector<LandmarkPlace> ibug_places() {
   const std::vector<SkinPoint> brows = {{column_outer_eye + 0.45, brow + 0.3},
                                         {column_outer_eye - 0.3, brow - 0.08},
                                         {column_pupil - 0.25, brow - 0.05},
-                                        {column_mouth_corner + 0.1, brow + 0.1},
-                                        {column_inner_eye - 0.5, brow + 0.3}};
+                                        {column_inner_eye + 0.6, brow},
+                                        {column_nostril + 0.1, brow - 0.1}};
   for (int i = 0; i < 10; ++i) all.push_back({brows[i < 5 ? i : 9 - i], i < 5 ? -1.0 : 1.0});
-  all.push_back({{0, line_lid_crease}, 0});
+  all.push_back({{0, line_lid_crease - 0.15}, 0});
   all.push_back({{0, line_cheek_top - 0.1}, 0});
   all.push_back({{0, line_nose_mid}, 0});
-  all.push_back({{0, line_ala_top + 0.6}, 0});
-  const std::vector<SkinPoint> base = {{column_inner_eye - 0.7, line_subnasale - 0.35},
-                                       {column_philtrum + 0.6, line_subnasale - 0.15},
+  all.push_back({{0, line_ala_top + 0.15}, 0});
+  const std::vector<SkinPoint> base = {{column_philtrum + 0.75, line_subnasale - 0.3},
+                                       {column_philtrum, line_subnasale - 0.1},
                                        {0, line_subnasale}};
   for (int i = 0; i < 5; ++i)
     all.push_back({base[i <= 2 ? i : 4 - i], i < 2 ? -1.0 : i > 2 ? 1.0 : 0.0});

@@ -70,6 +70,15 @@ class Builder {
     triangle(a, c, d);
     triangle(a, d, b);
   }
+  // The same between columns k and k + 1 of two rows; the halves' diagonals mirror one another.
+  void skin_quad(const std::vector<int>& above, const std::vector<int>& below, std::size_t k) {
+    if (columns_[k] < 0.0) {
+      quad(above[k], above[k + 1], below[k], below[k + 1]);
+    } else {
+      triangle(above[k], below[k], above[k + 1]);
+      triangle(above[k + 1], below[k], below[k + 1]);
+    }
+  }
   int steps(int at_density_one, int least) const {
     return std::max(least, static_cast<int>(std::lround(at_density_one * density_)));
   }
@@ -104,7 +113,7 @@ class Builder {
           if (r == 1) {
             triangle(above[k], ids[k], ids[k + 1]);
           } else {
-            quad(above[k], above[k + 1], ids[k], ids[k + 1]);
+            skin_quad(above, ids, k);
           }
         }
       }
@@ -144,13 +153,13 @@ class Builder {
                                 : line_ala_top + 0.5;
     if (row < hairline) return FacePart::hair;
     // The brow tapers outwards.
-    const double along_brow = (column - 2.4) / (column_outer_eye + 0.3 - 2.4);
+    const double along_brow = (column - 2.0) / (column_outer_eye + 0.3 - 2.0);
     const double half_width = 0.28 - 0.14 * along_brow * along_brow;
     if (along_brow > 0.0 && along_brow < 1.0 &&
         std::abs(row - (line_brow_top + 0.42)) < half_width) {
       return FacePart::brow;
     }
-    if (row > line_tip_low + 0.45 && row < line_subnasale - 0.1 && column > column_philtrum + 0.1 &&
+    if (row > line_tip_low + 0.15 && row < line_tip_low + 0.75 && column > column_philtrum + 0.1 &&
         column < column_nostril - 0.2) {
       return FacePart::nostril;
     }
@@ -189,7 +198,7 @@ class Builder {
     sheets.push_back(lower);
     for (std::size_t i = 0; i + 1 < sheets.size(); ++i) {
       for (std::size_t k = 0; k + 1 < columns_.size(); ++k) {
-        quad(sheets[i][k], sheets[i][k + 1], sheets[i + 1][k], sheets[i + 1][k + 1]);
+        skin_quad(sheets[i], sheets[i + 1], k);
       }
     }
   }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "face_contours.h"
 #include "face_profile.h"
 #include "semblance/geometry/contour.h"
 
@@ -38,8 +39,8 @@ constexpr double heights[line_count][column_count] = {
     {-67, -67, -66.8, -67, -68, -66, -63.5, -58, -52, -46, -46, -46, -46},
     {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0},
     {-85, -85, -85, -85, -84, -81.5, -78, -70, -62, -52, -52, -52, -52},
-    {-98, -98, -98, -97.5, -96, -92, -87, -79, -69, -55, -56, -57, -57},
-    {-113, -113, -112.5, -111.5, -109, -104, -98, -88, -76, -60, -62, -64, -64},
+    {-98, -98, -98, -97.5, -96, -92.5, -88, -81, -74, -64, -59, -57, -57},
+    {-113, -113, -112.5, -111.5, -109, -105, -100, -92, -83, -72, -66, -64, -64},
     {-119, -119, -119, -118.8, -118, -116, -113, -106, -97, -86, -84, -86, -86},
     {-155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155, -155}};
 // Distance of the vermilion borders from the line of contact.
@@ -49,56 +50,12 @@ constexpr std::array<double, column_count> lower_vermilion = {9.2, 9.1, 7.8, 5.4
                                                               4.5, 4,   3,   3,   3,   3};
 // clang-format on
 
-// Horizontal section: front half |x/w|^a + |(z-zm)/(zf-zm)|^b = 1, back half likewise.
-struct Section {
-  double path, front_z, half_width, middle_z, back_z, a, b, back_a;
-};
-constexpr Section head_sections[] = {
-    {-168, 0, 36, -50, -120, 2.0, 2.0, 2.0},     {-140, 6, 40, -50, -125, 2.0, 2.0, 2.0},
-    {-125, 14, 43, -50, -128, 2.0, 2.0, 2.0},    {-113, 21, 46, -50, -130, 2.0, 1.9, 2.0},
-    {-106, 25, 48.5, -50, -131, 2.0, 1.9, 2.0},  {-98, 26, 51, -50, -132, 2.0, 1.9, 2.0},
-    {-85, 24, 54.5, -52, -135, 2.0, 1.9, 2.1},   {-76, 25, 56.5, -54, -138, 2.0, 1.9, 2.1},
-    {-67, 26.5, 58.5, -55, -142, 2.0, 1.9, 2.2}, {-56, 28, 61.5, -57, -147, 2.05, 1.9, 2.2},
-    {-46, 27, 64, -58, -152, 2.15, 1.9, 2.2},    {-30, 22, 67.5, -60, -160, 2.4, 1.9, 2.2},
-    {-15, 17.5, 69.5, -64, -166, 2.7, 2.0, 2.2}, {0, 14, 71.5, -72, -170, 2.9, 2.0, 2.2},
-    {10, 16, 73, -78, -171, 2.8, 2.0, 2.2},      {20, 22, 74, -82, -171, 2.55, 2.0, 2.2},
-    {30, 24, 75, -84, -171, 2.45, 2.0, 2.2},     {45, 23.5, 75.5, -85, -169, 2.35, 2.0, 2.2},
-    {60, 20.5, 75, -85, -166, 2.25, 2.0, 2.15},  {78, 12.5, 70, -85, -159, 2.15, 2.0, 2.1},
-    {95, 1, 62.5, -83, -148, 2.1, 2.0, 2.05},    {115, -18, 51.5, -78, -129, 2.0, 2.0, 2.0},
-    {135, -38, 36.5, -74, -108, 2.0, 2.0, 2.0},  {150, -54, 18, -71, -88, 2.0, 2.0, 2.0},
-    {163, -69.5, 0.5, -70, -70.5, 2.0, 2.0, 2.0}};
-constexpr Section neck_sections[] = {
-    {-168, -37, 61, -80, -136, 2.0, 2.0, 2.0}, {-150, -34, 55, -78, -131, 2.1, 2.0, 2.0},
-    {-135, -31, 53, -76, -129, 2.1, 2.0, 2.0}, {-115, -27, 52, -75, -130, 2.1, 2.0, 2.0},
-    {-95, -20, 54, -72, -134, 2.0, 2.0, 2.1},  {-60, -12, 60, -66, -144, 2.0, 2.0, 2.2}};
-
-// Radius of a section at an angle, by bisection: the section is star-shaped about the axis.
-double section_radius(const Section& s, double u) {
-  const double c = std::cos(u), n = std::abs(std::sin(u));
-  const auto inside = [&](double r) {
-    const double x = r * n, z = axis_z + r * c - s.middle_z;
-    const bool front = z > 0.0;
-    const double depth = front ? s.front_z - s.middle_z : s.middle_z - s.back_z;
-    const double px = front ? s.a : s.back_a, pz = front ? s.b : s.back_a;
-    return std::pow(x / s.half_width, px) + std::pow(std::abs(z) / depth, pz) < 1.0;
-  };
-  double low = 0.0, high = 250.0;
-  for (int i = 0; i < 45; ++i) (inside(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
-  return low;
-}
-
 Eigen::VectorXd full_turn(const std::vector<double>& half) {
   const int n = static_cast<int>(half.size());
   Eigen::VectorXd full(2 * n - 2);
   for (int i = 0; i < n; ++i) full[i] = half[i];
   for (int i = 1; i < n - 1; ++i) full[2 * n - 2 - i] = half[i];
   return full;
-}
-
-const std::vector<double>& section_angles_deg() {
-  static const std::vector<double> angles = {0,  7,  14, 21,  28,  36,  45,  55,
-                                             66, 78, 92, 108, 126, 144, 162, 180};
-  return angles;
 }
 
 Eigen::VectorXd mirrored_angles(std::vector<double> half_deg) {
@@ -108,15 +65,15 @@ Eigen::VectorXd mirrored_angles(std::vector<double> half_deg) {
   return full * degree;
 }
 
-ContourStack section_stack(const Section* sections, int count) {
-  const Eigen::VectorXd angles = mirrored_angles(section_angles_deg());
+template <std::size_t N>
+ContourStack contour_stack(const std::array<HeadContour, N>& rows) {
+  const Eigen::VectorXd angles =
+      mirrored_angles({contour_angles_deg.begin(), contour_angles_deg.end()});
   std::vector<double> path;
   std::vector<PeriodicContour> contours;
-  for (int i = 0; i < count; ++i) {
-    std::vector<double> half;
-    for (double d : section_angles_deg()) half.push_back(section_radius(sections[i], d * degree));
-    path.push_back(sections[i].path);
-    contours.emplace_back(angles, full_turn(half));
+  for (const HeadContour& row : rows) {
+    path.push_back(row.path);
+    contours.emplace_back(angles, full_turn({row.radius_mm.begin(), row.radius_mm.end()}));
   }
   return {path, contours};
 }
@@ -164,28 +121,30 @@ double dome(double x, double y, double cx, double cy, double cz, double rx, doub
 
 // z of the nose over the frontal plane; far below the face elsewhere.
 double nose(double x, double y) {
-  static constexpr std::array<Station, 14> ridge = {{{-56, 4},
-                                                     {-51, 16},
-                                                     {-47.5, 26},
-                                                     {-45, 32},
-                                                     {-43, 38},
-                                                     {-40.5, 43},
-                                                     {-36.5, 45},
-                                                     {-31, 43},
-                                                     {-22, 36.5},
-                                                     {-12, 29},
-                                                     {-3, 22.5},
-                                                     {5, 18.8},
-                                                     {13, 19.3},
-                                                     {21, 19.5}}};
+  static constexpr std::array<Station, 16> ridge = {{{-56, 4},
+                                                     {-51, 17},
+                                                     {-48, 26},
+                                                     {-46, 30},
+                                                     {-44, 32.5},
+                                                     {-41.5, 35.5},
+                                                     {-39, 39},
+                                                     {-36.5, 42.5},
+                                                     {-33, 44.8},
+                                                     {-28, 43.6},
+                                                     {-20, 39},
+                                                     {-10, 31.8},
+                                                     {-3, 27},
+                                                     {4, 24},
+                                                     {12, 22.4},
+                                                     {21, 22}}};
   static constexpr std::array<Station, 6> roundness = {
-      {{-47, 3.6}, {-37, 5.6}, {-26, 4.6}, {-12, 4.2}, {4, 5.5}, {16, 9}}};
+      {{-47, 3.6}, {-37, 5.6}, {-26, 5.6}, {-12, 5.5}, {2, 5.5}, {14, 9}}};
   static constexpr std::array<Station, 6> steepness = {
-      {{-48, 2.3}, {-36, 2.1}, {-26, 1.65}, {-14, 1.4}, {0, 1.05}, {14, 0.9}}};
+      {{-48, 2.3}, {-36, 2.1}, {-26, 1.9}, {-12, 1.75}, {2, 1.55}, {14, 0.8}}};
   const double rho = through(roundness, y);
   double z = through(ridge, y) - through(steepness, y) * (std::hypot(x, rho) - rho);
-  z = smooth_max(z, dome(x, y, 0, -36.3, 35.5, 9.0, 8.2, 10.3), 1.2);
-  z = smooth_max(z, dome(x, y, 12.2, -38.7, 21.8, 6.0, 6.8, 10.8), 1.0);
+  z = smooth_max(z, dome(x, y, 0, -33.2, 34.5, 9.2, 8.0, 10.6), 1.2);
+  z = smooth_max(z, dome(x, y, 10.6, -34.8, 21.8, 6.6, 8.0, 13.0), 1.0);
   return z;
 }
 
@@ -201,8 +160,8 @@ double height_from_path(double path) {
 }
 
 struct Skin::Numbers {
-  ContourStack head = section_stack(head_sections, std::size(head_sections));
-  ContourStack neck = section_stack(neck_sections, std::size(neck_sections));
+  ContourStack head = contour_stack(head_contours);
+  ContourStack neck = contour_stack(neck_contours);
   std::vector<PeriodicContour> lines;
   PeriodicContour upper = column_contour(upper_vermilion.data());
   PeriodicContour lower = column_contour(lower_vermilion.data());
@@ -280,10 +239,10 @@ double Skin::lip_relief(double u, double y) const {
   const double corner = -1.6 * bump(s, 1.0, 0.22) * bump(y, contact, 5.0);
   if (y >= contact) {
     const double eta = (y - contact) / std::max(2.5, numbers_->upper.at(u).value);
-    return corner + 4.6 * fullness * through(upper_profile, eta);
+    return corner + 3.6 * fullness * through(upper_profile, eta);
   }
   const double eta = (contact - y) / std::max(2.5, numbers_->lower.at(u).value);
-  return corner + 4.8 * fullness * through(lower_profile, eta);
+  return corner + 3.8 * fullness * through(lower_profile, eta);
 }
 
 Eigen::Vector3d Skin::point(double column, double row) const {
@@ -300,18 +259,14 @@ Eigen::Vector3d Skin::point(double column, double row) const {
     const double b = smooth_step(row, line_jaw, line_neck + 0.35);
     r = (1.0 - b) * r + b * radius_at(n.neck, u, std::min(tau, -60.0));
   }
-  double x = r * std::sin(u);
-  // Cheekbone, buccal hollow and temple, along the radius.
-  r += 3.5 * bump2(x, y, 46, -20, 17, 12);
-  r += -1.5 * bump2(x, y, 47, -55, 14, 18);
-  r += -3.5 * bump2(u / degree, y, 56, 28, 16, 16);
-  x = r * std::sin(u);
+  const double x = r * std::sin(u);
   double z = axis_z + r * std::cos(u);
   if (u > 1.3) return {x, y, z};
 
   z += 2.4 * bump2(x, y, 18, 19.5, 18, 8.5);  // supraorbital ridge
-  z += -4.0 * bump2(x, y, 29, 4, 15, 10);     // orbit
-  z += -4.5 * bump2(x, y, 17.5, 2, 6, 9);     // inner corner of the orbit
+  z += -4.0 * bump2(x, y, 28, 4, 13, 10);     // orbit
+  z += -2.8 * bump2(x, y, 17.5, 2, 6, 9);     // inner corner of the orbit
+  z += -1.4 * bump2(x, y, 31, -16, 10, 7);    // below the lid
   z += -2.5 * bump2(x, y, 0, -86, 20, 5.5);   // mentolabial fold
   z += 2.5 * bump2(x, y, 0, -99, 15, 8);      // chin
   z += -1.3 * bump2(x, y, 0, -53, 2.8, 6.5);  // philtrum
@@ -336,7 +291,7 @@ Eigen::Vector3d Skin::point(double column, double row) const {
                    1.6 * bump(row, line_lid_crease - 0.55, 0.35));
   Eigen::Vector3d p(x, y, z);
   // Nostrils: hollows in the underside of the nose.
-  const double hollow = bump2(x, y, 7.0, -43.4, 2.6, 1.8);
+  const double hollow = bump2(x, y, 6.4, -41.6, 2.6, 1.8);
   p += hollow * Eigen::Vector3d(0.0, 2.6, -5.0);
   return p;
 }
