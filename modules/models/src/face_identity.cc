@@ -27,6 +27,9 @@ enum Parameter {
   forehead_breadth,
   face_height,
   face_breadth,
+  upper_face_depth,
+  middle_face_depth,
+  lower_face_depth,
   mandible_width,
   chin_width,
   chin_protrusion,
@@ -95,6 +98,15 @@ Vector3d eye_motion(const Place& place, const Vector3d& p, const Identity& c) {
   const double roll = c[eye_fissure_slant] * ring / 15.0;
   d += Vector3d(-q.y() * roll, q.x() * roll, 0.0);
   return d;
+}
+
+// The face forwards from the ears, in thirds that leave no step between them.
+Vector3d depth_motion(const Vector3d& p, const Identity& c) {
+  const double upper = smooth_step(p.y(), -35, 10), lower = 1.0 - smooth_step(p.y(), -100, -50);
+  const double forwards = upper * c[upper_face_depth] + lower * c[lower_face_depth] +
+                          (1.0 - upper - lower) * c[middle_face_depth];
+  return {0.0, 0.0,
+          forwards * std::max(0.0, p.z() + 75.0) / 95.0 * (1.0 - smooth_step(p.y(), 60, 130))};
 }
 
 Vector3d head_motion(const Vector3d& p, const Identity& c) {
@@ -189,6 +201,9 @@ const std::vector<IdentityMeasure>& identity_measures() {
        {column_zygion + 0.3, line_cheek_top + 0.6},
        {},
        "between the zygomatic arches (zy-zy)"},
+      {"upper_face_depth", 0, 4.5, Kind::none, {}, {}, "ears to nasion (t-n)"},
+      {"middle_face_depth", 0, 5.0, Kind::none, {}, {}, "ears to subnasale (t-sn)"},
+      {"lower_face_depth", 0, 6.0, Kind::none, {}, {}, "ears to gnathion (t-gn)"},
       {"mandible_width",
        112,
        7.0,
@@ -253,8 +268,9 @@ const std::vector<IdentityMeasure>& identity_measures() {
 }
 
 Vector3d identity_displacement(const Place& place, const Vector3d& p, const Identity& c) {
+  const Vector3d eye_forwards = depth_motion(Vector3d(eye_x_mm, 0, 0), c);
   if (place.patch == Patch::eyeball) {
-    return {0.5 * c[interpupillary_distance], 0.0, -c[eye_depth]};
+    return Vector3d(0.5 * c[interpupillary_distance], 0.0, -c[eye_depth]) + eye_forwards;
   }
   if (place.patch == Patch::ear) {
     return head_motion(ear_root, c) + profile_motion(ear_root, c) + ear_motion(p, c);
@@ -266,8 +282,11 @@ Vector3d identity_displacement(const Place& place, const Vector3d& p, const Iden
       p.z() > -20.0 || on_lid_lining
           ? 1.0 - smooth_step(std::hypot((p.x() - eye_x_mm) / 1.2, p.y()), 13.0, 27.0)
           : 0.0;
-  Vector3d d = (1.0 - lids) * (head_motion(p, c) + profile_motion(p, c));
-  if (place.patch == Patch::upper_teeth || place.patch == Patch::lower_teeth) return {0, d.y(), 0};
+  Vector3d d = (1.0 - lids) * (head_motion(p, c) + profile_motion(p, c) + depth_motion(p, c)) +
+               lids * eye_forwards;
+  if (place.patch == Patch::upper_teeth || place.patch == Patch::lower_teeth) {
+    return Vector3d(0, d.y(), 0) + depth_motion(p, c);
+  }
   const double eye = around_eye(p.x(), p.y()) * smooth_step(p.z(), -40, -15);
   d.x() += 0.5 * c[interpupillary_distance] * eye;
   d.z() -= c[eye_depth] * eye;
