@@ -18,8 +18,7 @@ constexpr int kRounds = 2;  // per level: visibility, shading and deviation are 
 FaceBundle adjust_bundle(const FaceFitter& fitter, const MorphModel& model, const Camera& camera,
                          const std::vector<Keyframe>& keyframes) {
   const BundleLayout layout(model.parameters(), model.shape().identity_count, keyframes.size());
-  const std::vector<float> weight =
-      triangle_weights(model.shape(), fitter.topology(), tracking_weight);
+  const std::vector<float> weight = bare_face_weight(model.shape(), fitter.topology());
   const std::vector<ContourEdge> contour =
       contour_edges(fitter.topology(), contour_weight(model.shape()));
   const std::vector<GenericColour> colour = generic_colours(model.shape(), fitter.topology());

@@ -125,6 +125,21 @@ std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopol
   return out;
 }
 
+std::vector<float> bare_face_weight(const MorphShape& shape, const SurfaceTopology& topology) {
+  // Above the brows' middle by so much, foreheads end under somebody's hair.
+  constexpr double kBare_m = 0.040, kCovered_m = 0.062;
+  std::vector<float> out = triangle_weights(shape, topology, tracking_weight);
+  for (std::size_t t = 0; t < out.size(); ++t) {
+    for (int vertex : topology.triangles[t]) {
+      const double y = shape.mesh->positions_m(vertex, 1);
+      const bool hair = part_of(shape, vertex) == FacePart::hair;
+      const double bare = hair ? 0.0 : (kCovered_m - y) / (kCovered_m - kBare_m);
+      out[t] = std::min(out[t], static_cast<float>(std::clamp(bare, 0.0, 1.0)));
+    }
+  }
+  return out;
+}
+
 std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopology& topology) {
   std::array<int, 2> best = {-1, -1};
   std::array<double, 2> depth = {0.0, 0.0};

@@ -41,6 +41,9 @@ std::vector<GenericColour> generic_colours(const MorphShape& shape,
 /// 1 inside the oval of brows, eyes, nose, mouth and chin, falling to 0 around it: the part of a
 /// face that is neither hair nor neck nor background, whoever's it is.
 std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopology& topology);
+/// Weights of triangles where the model's surface is the face's: without the hair, which stands
+/// off the head, and without the top of the forehead, which it may cover.
+std::vector<float> bare_face_weight(const MorphShape& shape, const SurfaceTopology& topology);
 /// The foremost triangle of each iris, that of the face's right eye (left in the image) first; -1
 /// where the shape has none.
 std::array<int, 2> pupil_triangles(const MorphShape& shape, const SurfaceTopology& topology);
