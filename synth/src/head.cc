@@ -428,7 +428,7 @@ SceneObject make_hand(const Rigid3& world_from_model, const Eigen::Vector3d& mou
   const Eigen::Vector3d nose = world_from_model.rotation * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d down = -Eigen::Vector3d::UnitY();
   const Eigen::Vector3d place =
-      mouth_world_m + 0.045 * nose + (1 - raised) * (0.32 * down + 0.06 * Eigen::Vector3d::UnitX());
+      mouth_world_m + 0.037 * nose + (1 - raised) * (0.32 * down + 0.06 * Eigen::Vector3d::UnitX());
   SceneObject hand;
   hand.name = "hand";
   hand.mesh = mesh;
