@@ -120,6 +120,35 @@ Camera BundleTest::camera_;
 std::vector<Keyframe> BundleTest::keyframes_;
 std::vector<Eigen::VectorXd> BundleTest::truth_;
 
+TEST_F(BundleTest, ShapeRestsOnTheFaceThatHairCannotCover) {
+  const SurfaceTopology& topology = fitter_->topology();
+  const std::vector<float> bare = bare_face_weight(model_->shape(), topology);
+  const std::vector<float> all = triangle_weights(model_->shape(), topology, tracking_weight);
+  int hair = 0, brow_to_chin = 0;
+  for (std::size_t t = 0; t < bare.size(); ++t) {
+    EXPECT_LE(bare[t], all[t]);
+    for (int v : topology.triangles[t]) {
+      const double y = model_->shape().mesh->positions_m(v, 1);
+      const bool is_hair = static_cast<FacePart>(model_->shape().part[v]) == FacePart::hair;
+      if (!is_hair && y < 0.07) continue;
+      EXPECT_EQ(bare[t], 0.0f) << "at height " << y;
+      ++hair;
+      break;
+    }
+    double top = -1.0;
+    bool skin = true;
+    for (int v : topology.triangles[t]) {
+      top = std::max(top, model_->shape().mesh->positions_m(v, 1));
+      skin = skin && static_cast<FacePart>(model_->shape().part[v]) == FacePart::skin;
+    }
+    if (!skin || top > 0.03) continue;
+    EXPECT_EQ(bare[t], all[t]) << "at height " << top;
+    ++brow_to_chin;
+  }
+  EXPECT_GT(hair, 500);
+  EXPECT_GT(brow_to_chin, 1000);
+}
+
 TEST_F(BundleTest, LayoutPutsEveryEntryInOnePlace) {
   const int identities = model_->shape().identity_count;
   const BundleLayout layout(model_->parameters(), identities, 4);

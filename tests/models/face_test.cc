@@ -223,9 +223,8 @@ TEST(SweepFace, SkinOfTheFaceFacesOutwards) {
   EXPECT_EQ(inverted, 0);
 }
 
-TEST(SweepFace, IsSymmetric) {
-  const Points points = face().mesh->positions_m;
-  // Mirror partners are found by place: sort both sides and compare.
+// Mirror partners are found by place: sort both sides and compare.
+void expect_mirrored(const Points& points) {
   std::vector<std::array<double, 3>> left, right;
   for (Eigen::Index v = 0; v < points.rows(); ++v) {
     const double x = points(v, 0);
@@ -240,6 +239,24 @@ TEST(SweepFace, IsSymmetric) {
     EXPECT_NEAR(left[i][1], right[i][1], 1e-6);
     EXPECT_NEAR(left[i][2], right[i][2], 1e-6);
   }
+}
+
+TEST(SweepFace, VerticesAndTrianglesOfTheSkinAreSymmetric) {
+  const Points& points = face().mesh->positions_m;
+  expect_mirrored(points);
+  std::vector<Eigen::RowVector3d> middles;
+  for (Eigen::Index t = 0; t < face().mesh->triangles.rows(); ++t) {
+    const auto corner = face().mesh->triangles.row(t);
+    bool skin = true;
+    for (int v : corner) skin = skin && part(v) == FacePart::skin;
+    if (!skin) continue;
+    middles.push_back((points.row(corner[0]) + points.row(corner[1]) + points.row(corner[2])) / 3);
+  }
+  Points rows(static_cast<Eigen::Index>(middles.size()), 3);
+  for (std::size_t i = 0; i < middles.size(); ++i) {
+    rows.row(static_cast<Eigen::Index>(i)) = middles[i];
+  }
+  expect_mirrored(rows);
 }
 
 TEST(SweepFace, FrameIsBetweenTheEyes) {
@@ -315,6 +332,39 @@ TEST(SweepFace, OneDeviationMovesTheMeasureByOneDeviation) {
               0.0037, 0.00037);
   const Points up = posed({{"interpupillary_distance", 1.0}});
   EXPECT_NEAR(eyeball(up, true).centre.x() - eyeball(up, false).centre.x(), 0.0633 + 0.0036, 1e-4);
+}
+
+// All thirds forwards alike are a longer head: every place moves by its distance from the ears.
+TEST(SweepFace, FacialDepthsLengthenTheFaceTogetherAndOneByOneTheirThird) {
+  const Points mean = face().mesh->positions_m;
+  const Values together{{"upper_face_depth", 4.0 / 4.5},
+                        {"middle_face_depth", 4.0 / 5.0},
+                        {"lower_face_depth", 4.0 / 6.0}};
+  const Points longer = posed(together);
+  for (const int mark : {2, 5, 8, 21, 27, 30, 33, 48, 51, 57}) {
+    const Eigen::Vector3d at = landmark(mean, mark), moved = landmark(longer, mark) - at;
+    // Places are those before the mean measures were met, up to 2 mm from here.
+    EXPECT_NEAR(moved.z(), 0.004 * (at.z() + 0.075) / 0.095, 1e-4) << mark;
+    EXPECT_NEAR(moved.head<2>().norm(), 0.0, 1e-6) << mark;
+  }
+  EXPECT_NEAR(eyeball(longer, true).radius, eyeball(mean, true).radius, 1e-6);
+  EXPECT_NEAR(eyeball(longer, true).centre.z() - eyeball(mean, true).centre.z(),
+              0.004 * 0.075 / 0.095, 2e-5);
+  const std::array<int, 3> middle_of = {27, 33, 8};
+  const std::array<const char*, 3> third = {"upper_face_depth", "middle_face_depth",
+                                            "lower_face_depth"};
+  for (int own = 0; own < 3; ++own) {
+    const Points points = posed({{third[own], 1.0}});
+    for (int other = 0; other < 3; ++other) {
+      const double z =
+          landmark(points, middle_of[other]).z() - landmark(mean, middle_of[other]).z();
+      if (own == other) {
+        EXPECT_GT(z, 0.003) << third[own];
+      } else {
+        EXPECT_LT(z, 0.0012) << third[own] << " at " << middle_of[other];
+      }
+    }
+  }
 }
 
 TEST(SweepFace, LipsCloseWithoutAGap) {
