@@ -100,13 +100,15 @@ Vector3d eye_motion(const Place& place, const Vector3d& p, const Identity& c) {
   return d;
 }
 
-// The face forwards from the ears, in thirds that leave no step between them.
+// The face forwards from the ears, in thirds that leave no step between them. A parameter is the
+// motion at the front; behind the ears and on the crown nothing moves.
 Vector3d depth_motion(const Vector3d& p, const Identity& c) {
+  constexpr double ear_z = -75.0, front_z = 20.0;
   const double upper = smooth_step(p.y(), -35, 10), lower = 1.0 - smooth_step(p.y(), -100, -50);
   const double forwards = upper * c[upper_face_depth] + lower * c[lower_face_depth] +
                           (1.0 - upper - lower) * c[middle_face_depth];
-  return {0.0, 0.0,
-          forwards * std::max(0.0, p.z() + 75.0) / 95.0 * (1.0 - smooth_step(p.y(), 60, 130))};
+  const double share = std::max(0.0, p.z() - ear_z) / (front_z - ear_z);
+  return {0.0, 0.0, forwards * share * (1.0 - smooth_step(p.y(), 60, 130))};
 }
 
 Vector3d head_motion(const Vector3d& p, const Identity& c) {

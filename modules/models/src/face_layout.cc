@@ -153,7 +153,8 @@ class Builder {
                                 : line_ala_top + 0.5;
     if (row < hairline) return FacePart::hair;
     // The brow tapers outwards.
-    const double along_brow = (column - 2.0) / (column_outer_eye + 0.3 - 2.0);
+    const double inner = column_nostril, outer = column_outer_eye + 0.3;
+    const double along_brow = (column - inner) / (outer - inner);
     const double half_width = 0.28 - 0.14 * along_brow * along_brow;
     if (along_brow > 0.0 && along_brow < 1.0 &&
         std::abs(row - (line_brow_top + 0.42)) < half_width) {

@@ -126,7 +126,7 @@ std::vector<float> inner_face_weight(const MorphShape& shape, const SurfaceTopol
 }
 
 std::vector<float> bare_face_weight(const MorphShape& shape, const SurfaceTopology& topology) {
-  // Above the brows' middle by so much, foreheads end under somebody's hair.
+  // Heights over the eyes between which foreheads end under somebody's hair.
   constexpr double kBare_m = 0.040, kCovered_m = 0.062;
   std::vector<float> out = triangle_weights(shape, topology, tracking_weight);
   for (std::size_t t = 0; t < out.size(); ++t) {
