@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 
 #include "face_sweep.h"
 
@@ -70,6 +71,7 @@ Identity mean_identity() {
       c[i] += missing_mm / (measured(table[i], up) - measured(table[i], down));
     }
   }
+  if (worst_mm > 0.01) throw std::logic_error("the face's mean measures contradict one another");
   return c;
 }
 
