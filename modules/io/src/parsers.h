@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "semblance/io/lip_markers.h"
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/points.h"
 #include "semblance/io/track_file.h"
@@ -15,6 +16,7 @@ MeshFile parse_obj(std::string_view content, const std::string& source);
 Mesh parse_ply(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
+LipTrack parse_lip_markers(std::string_view content, const std::string& source);
 Track parse_track(std::string_view content, const std::string& source);
 
 }  // namespace semblance

@@ -55,6 +55,7 @@ int main(int argc, char** argv) {
   app.add_option("--threads", threads, "Threads to use (0: one per core)")
       ->check(CLI::Range(0, 1024));
   cli::add_track_commands(app, context);
+  cli::add_sweep_commands(app, context);
   cli::add_synth_commands(app, context);
   cli::add_demo_command(app, context);
   cli::add_compare_command(app, context);

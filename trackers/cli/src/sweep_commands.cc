@@ -1,0 +1,12 @@
+#include "commands.h"
+
+namespace semblance::cli {
+
+void add_sweep_commands(CLI::App& app, Context& context) {
+  CLI::App* sweep =
+      app.add_subcommand("sweep", "Homotopy sweeps: surfaces, scans, and mouths in motion");
+  sweep->require_subcommand(1);
+  (void)context;
+}
+
+}  // namespace semblance::cli
