@@ -42,6 +42,37 @@ TEST(Blend, RejectsParametersWithoutABlend) {
   EXPECT_THROW(blend_rational(0.5, std::nan("")), InvalidInput);
 }
 
+TEST(Blend, DerivativesByNAreDifferences) {
+  const double h = 1e-6;
+  for (const BlendForm form : {BlendForm::rational, BlendForm::flat}) {
+    for (const double n : n_values) {
+      for (double v = 0.0; v <= 1.0; v += 0.125) {
+        const Blend b = blend(form, v, n), up = blend(form, v, n + h), down = blend(form, v, n - h);
+        EXPECT_NEAR(b.value_dn, (up.value - down.value) / (2 * h), 1e-6);
+        EXPECT_NEAR(b.slope_dn, (up.slope - down.slope) / (2 * h),
+                    1e-5 * (1 + std::abs(b.slope_dn)));
+      }
+    }
+  }
+}
+
+TEST(Blend, EndConditionsFailOutsideTheRangeOfN) {
+  // Why n <= -1 is refused: at -1 the functions never leave 0, below they have a pole inside.
+  const auto rational = [](double v, double n) { return (1 + n) * v / (1 + n * v); };
+  const auto flat = [](double v, double n) {
+    return (1 + n) * v * v / ((1 + n) * v * v + (1 - v) * (1 - v));
+  };
+  EXPECT_EQ(rational(1 - 1e-9, -1.0), 0.0);
+  EXPECT_EQ(flat(1 - 1e-9, -1.0), 0.0);
+  EXPECT_GT(std::abs(rational(0.5 + 1e-9, -2.0)), 1e6);
+  EXPECT_GT(std::abs(flat(0.5 + 1e-9, -2.0)), 1e6);
+  for (const BlendForm form : {BlendForm::rational, BlendForm::flat}) {
+    EXPECT_THROW(blend(form, 0.5, -1.0), InvalidInput);
+    EXPECT_THROW(blend(form, 0.5, -2.0), InvalidInput);
+    EXPECT_THROW(blend(form, 0.5, INFINITY), InvalidInput);
+  }
+}
+
 TEST(Scaling, MeetsItsConditions) {
   const double slope = 1.7, alpha = 0.3, beta = -0.4;
   const auto s = [&](double v) { return scaling_through(v, slope, alpha, beta); };

@@ -1,5 +1,6 @@
 #include "semblance/geometry/homotopy.h"
 
+#include <cmath>
 #include <string>
 
 #include "semblance/core/errors.h"
@@ -8,8 +9,9 @@ namespace semblance {
 namespace {
 
 void require_blend_parameter(double n) {
-  if (!(n > -1.0)) {
-    throw InvalidInput("blending parameter n = " + std::to_string(n) + " must exceed -1");
+  if (!(n > -1.0) || !std::isfinite(n)) {
+    throw InvalidInput("blending parameter n = " + std::to_string(n) +
+                       " must exceed -1 and be finite");
   }
 }
 
@@ -35,6 +37,17 @@ ValueSlope blend_flat(double v, double n) {
   const double c = 1.0 + n, w = 1.0 - v;
   const double denominator = c * v * v + w * w;
   return {c * v * v / denominator, 2.0 * c * v * w / (denominator * denominator)};
+}
+
+Blend blend(BlendForm form, double v, double n) {
+  const double w = 1.0 - v, c = 1.0 + n;
+  if (form == BlendForm::rational) {
+    const double d = 1.0 + n * v;
+    return {blend_rational(v, n), v * w / (d * d), (d - 2.0 * c * v) / (d * d * d)};
+  }
+  const double d = c * v * v + w * w;
+  return {blend_flat(v, n), v * v * w * w / (d * d),
+          2.0 * v * w * (w * w - c * v * v) / (d * d * d)};
 }
 
 ValueSlope scaling_through(double v, double start_slope, double alpha, double beta) {

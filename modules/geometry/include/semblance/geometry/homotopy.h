@@ -12,14 +12,23 @@ struct ValueSlope {
   double value = 0.0, slope = 0.0;
 };
 
-/// Blending function (1+n) v / (1 + n v) on [0, 1], n > -1: from 0 to 1, monotone, n = 0 linear.
-/// Throws InvalidInput unless n > -1.
+/// Blending function (1+n) v / (1 + n v) on [0, 1]: from 0 to 1, monotone, n = 0 linear.
+///
+/// Both blending functions need n > -1. At n = -1 they are 0 for all v < 1 and undefined at 1;
+/// below, their denominators vanish inside (0, 1). Throws InvalidInput otherwise.
 ValueSlope blend_rational(double v, double n);
 
-/// Blending function (1+n) v^2 / ((1+n) v^2 + (1-v)^2) on [0, 1], n > -1: from 0 to 1, monotone,
-/// with zero slope at both ends, so that end slopes are left to the scaling functions (report,
-/// eq. 8). Throws InvalidInput unless n > -1.
+/// Blending function (1+n) v^2 / ((1+n) v^2 + (1-v)^2) on [0, 1]: from 0 to 1, monotone, with zero
+/// slope at both ends, so that end slopes are left to the scaling functions (report, eq. 8).
 ValueSlope blend_flat(double v, double n);
+
+enum class BlendForm { rational, flat };
+
+/// A blending function with its derivatives by n.
+struct Blend : ValueSlope {
+  double value_dn = 0.0, slope_dn = 0.0;
+};
+Blend blend(BlendForm form, double v, double n);
 
 /// Scaling function v (v-1) (a v + b): zero at both ends, slope `start_slope` at v = 0, through
 /// (`alpha`, `beta`) with 0 < alpha < 1 (appendix I). Throws InvalidInput for other alpha.
