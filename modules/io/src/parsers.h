@@ -7,6 +7,7 @@
 
 #include "semblance/io/lip_markers.h"
 #include "semblance/io/mesh_io.h"
+#include "semblance/io/outline_io.h"
 #include "semblance/io/points.h"
 #include "semblance/io/track_file.h"
 
@@ -17,6 +18,9 @@ Mesh parse_ply(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
 LipTrack parse_lip_markers(std::string_view content, const std::string& source);
+Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string& source);
+Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
+                                   const std::string& id);
 Track parse_track(std::string_view content, const std::string& source);
 
 }  // namespace semblance
