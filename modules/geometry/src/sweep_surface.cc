@@ -344,6 +344,9 @@ Mesh SweepSurface::mesh(int around, int along, bool caps) const {
     throw InvalidInput("sweep: a mesh needs 3 to 16384 steps around and 1 to 16384 along");
   }
   const Index rows = Index(segment_count()) * along + 1;
+  if (rows * around > 20'000'000) {
+    throw InvalidInput("sweep: a mesh of more than 20 million vertices; take fewer steps");
+  }
   Mesh mesh;
   mesh.positions_m.resize(rows * around + (caps ? 2 : 0), 3);
   for (Index row = 0; row < rows; ++row) {
