@@ -126,6 +126,9 @@ void SweepSurface::check() const {
                          ": all contours need as many points; bring them into correspondence");
     }
     const bool inner = i > 0 && i + 1 < contours_.size();
+    if (c.slope_after && !inner) {
+      throw InvalidInput(name_of("contour", i) + ": a crease (slope_after) needs an inner contour");
+    }
     if (c.bias && !(inner && *c.bias > 0.0 && std::isfinite(*c.bias))) {
       throw InvalidInput(name_of("contour", i) + ": a bias k > 0 belongs to an inner contour");
     }
