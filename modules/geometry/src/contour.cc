@@ -1,6 +1,6 @@
 #include "semblance/geometry/contour.h"
 
-#include <Eigen/LU>
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -68,19 +68,24 @@ PeriodicContour::PeriodicContour(Eigen::VectorXd angles_rad, Eigen::VectorXd val
   if (angles_[0] < 0.0 || angles_[n - 1] >= two_pi) {
     throw InvalidInput("periodic contour: angles must lie in [0, 2 pi)");
   }
-  // Continuity of the first derivative at every knot, cyclically.
-  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd right(n);
+  // Continuity of the first derivative at every knot, cyclically: symmetric, positive definite, and
+  // tridiagonal but for its corners.
+  std::vector<Eigen::Triplet<double>> entries;
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Index before = (i + n - 1) % n, after = (i + 1) % n;
-    const double h0 = i > 0 ? angles_[i] - angles_[before] : angles_[0] + two_pi - angles_[before];
-    const double h1 = i + 1 < n ? angles_[after] - angles_[i] : angles_[0] + two_pi - angles_[i];
-    system(i, before) += h0 / 6.0;
-    system(i, i) += (h0 + h1) / 3.0;
-    system(i, after) += h1 / 6.0;
-    right[i] = (values_[after] - values_[i]) / h1 - (values_[i] - values_[before]) / h0;
+    const Eigen::Index after = (i + 1) % n;
+    const double h = (after > 0 ? angles_[after] : angles_[0] + two_pi) - angles_[i];
+    const double slope = (values_[after] - values_[i]) / h;
+    entries.emplace_back(i, i, h / 3.0);
+    entries.emplace_back(after, after, h / 3.0);
+    entries.emplace_back(i, after, h / 6.0);
+    entries.emplace_back(after, i, h / 6.0);
+    right[i] += slope;
+    right[after] -= slope;
   }
-  second_ = system.partialPivLu().solve(right);
+  Eigen::SparseMatrix<double> system(n, n);
+  system.setFromTriplets(entries.begin(), entries.end());
+  second_ = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(system).solve(right);
 }
 
 ValueSlope PeriodicContour::at(double angle_rad) const {
