@@ -56,10 +56,14 @@ LipPaint::LipPaint(const MarkerSpec& spec, const NeutralLandmarks& landmarks, co
   std::vector<Dot> inner;
   for (std::size_t i = 0; i < kOuter.size(); ++i) {
     const Vector3f in = landmarks[kInner[i]], out = landmarks[kOuter[i]];
-    inner.push_back(touch(skin, in + kInnerShare * (out - in)));
+    const bool corner = i == 0 || i == 4;
+    const Vector3f way = out - in, outward = (way + 0.25f * (out - middle)).normalized();
+    // A dot across the corner would be torn by an opening mouth: it goes beside it.
+    const Vector3f target =
+        corner ? Vector3f(out + 1.5f * radius_m_ * outward) : Vector3f(in + kInnerShare * way);
+    inner.push_back(touch(skin, target));
     const Vector3f from = inner.back().centre_m;
-    const Vector3f way = out - from, outward = (way + 0.25f * (out - middle)).normalized();
-    const float apart = std::max(way.norm(), 2 * kLeastDiameters * radius_m_);
+    const float apart = std::max((out - from).norm(), 2 * kLeastDiameters * radius_m_);
     dots_.push_back(touch(skin, from + apart * outward));
   }
   if (spec.count == 16) dots_.insert(dots_.end(), inner.begin(), inner.end());

@@ -11,8 +11,8 @@
 namespace semblance {
 
 /// Round dots on the skin of the neutral model, in the order of io/lip_markers.h. The inner ones
-/// lie a third of the lip's thickness from where the lips meet, so that a closed mouth shows them;
-/// each outer one lies on the border of the lips or, where they are thin, outside of it, two
+/// lie a third of the lip's thickness from where the lips meet, so that a closed mouth shows them,
+/// or right beside the corners; each outer one lies on the border of the lips or outside of it, two
 /// diameters or more from its inner neighbour.
 class LipPaint {
  public:
