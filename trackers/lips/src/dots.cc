@@ -198,7 +198,9 @@ double median(std::vector<double> values) {
 
 // ---- one dot -----------------------------------------------------------------------------------
 
-constexpr int kUnknowns = 7;  // centre x, y, height, background, slope x, y, radius
+// Centre x, y, height, background, slope x, y, radius, stretch s, t.
+constexpr int kUnknowns = 9;
+constexpr double kRadiusSigma = 0.5, kStretchSigma = 0.3;  // of the priors; radius relative
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
@@ -209,46 +211,72 @@ struct Equations {
   int pixels = 0;
 };
 
-/// The disc's squared residuals over the pixels within `reach_px` of `middle_px`.
-Equations compare_disc(const Patch& patch, const Unknowns& u, double edge_px,
-                       const Vector2d& middle_px, double reach_px) {
+/// A pixel's model value and its derivatives.
+double evaluate_dot(const Unknowns& u, double edge_px, const Vector2d& p, Unknowns& row) {
+  const Vector2d away = p - u.head<2>();
+  Eigen::Matrix2d stretch;
+  stretch << 1.0 + u[7], u[8], u[8], 1.0 - u[7];
+  const Vector2d q = stretch * away;
+  const double distance = q.norm(), rim = (distance - u[6]) / edge_px;
+  row << -u.segment<2>(4), 0.0, 1.0, away, 0.0, 0.0, 0.0;
+  if (rim > 4.5) return u[3] + u.segment<2>(4).dot(away);  // far outside
+  const double cover = 0.5 * std::erfc(rim / std::numbers::sqrt2);
+  row[2] = cover;
+  if (rim > -4.5 && distance > 1e-9) {
+    const double steepest = 1.0 / (std::sqrt(2.0 * std::numbers::pi) * edge_px);
+    const double fall = u[2] * steepest * std::exp(-0.5 * rim * rim);
+    row.head<2>() += fall / distance * (stretch * q);
+    row[6] = fall;
+    row[7] = -fall / distance * (q.x() * away.x() - q.y() * away.y());
+    row[8] = -fall / distance * (q.x() * away.y() + q.y() * away.x());
+  }
+  return u[3] + u.segment<2>(4).dot(away) + u[2] * cover;
+}
+
+/// Squared residuals over the pixels within `reach_px` of `middle_px`.
+Equations compare_dot(const Patch& patch, const Unknowns& u, double edge_px,
+                      const Vector2d& middle_px, double reach_px) {
   Equations e;
   const int y0 = std::max(0, static_cast<int>(middle_px.y() - reach_px));
   const int y1 = std::min(patch.image.height - 1, static_cast<int>(middle_px.y() + reach_px));
   const int x0 = std::max(0, static_cast<int>(middle_px.x() - reach_px));
   const int x1 = std::min(patch.image.width - 1, static_cast<int>(middle_px.x() + reach_px));
-  const double steepest = 1.0 / (std::sqrt(2.0 * std::numbers::pi) * edge_px);
+  Unknowns row;
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
       const Vector2d p(x + 0.5, y + 0.5);
       if ((p - middle_px).squaredNorm() > reach_px * reach_px) continue;
-      const Vector2d away = p - u.head<2>();
-      const double distance = away.norm(), rim = (distance - u[6]) / edge_px;
-      const double cover = 0.5 * std::erfc(rim / std::numbers::sqrt2);
-      const double fall = u[2] * steepest * std::exp(-0.5 * rim * rim);
-      const double residual =
-          *patch.image.pixel(x, y) - u[3] - u.segment<2>(4).dot(away) - u[2] * cover;
-      const Vector2d move =
-          (distance > 1e-9 ? Vector2d(fall / distance * away) : Vector2d(Vector2d::Zero())) -
-          u.segment<2>(4);
-      Unknowns row;
-      row << move, cover, 1.0, away, fall;
-      e.normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
+      const double residual = *patch.image.pixel(x, y) - evaluate_dot(u, edge_px, p, row);
+      e.normal.noalias() += row * row.transpose();
       e.gradient += residual * row;
       e.cost += residual * residual;
       ++e.pixels;
     }
   }
-  e.normal = e.normal.selfadjointView<Eigen::Lower>();
   return e;
 }
 
-/// A weak pull of the radius to the look's, which settles dots of a few pixels.
-void add_radius_prior(const Unknowns& u, double radius_px, double weight, Equations& e) {
-  const double residual = radius_px - u[6];
-  e.normal(6, 6) += weight;
-  e.gradient[6] += weight * residual;
-  e.cost += weight * residual * residual;
+/// Weak pulls of the radius to the look's and of the stretch to zero settle dots of a few pixels.
+void add_priors(const Unknowns& u, double radius_px, Equations& e) {
+  // Residuals of a good fit are about a twentieth of the height.
+  constexpr double kNoise = 0.05;
+  const auto pull = [&](int i, double gap, double sigma) {
+    const double weight = kNoise * kNoise / (sigma * sigma);
+    e.normal(i, i) += weight;
+    e.gradient[i] += weight * gap;
+    e.cost += weight * gap * gap;
+  };
+  pull(6, radius_px - u[6], kRadiusSigma * radius_px);
+  pull(7, -u[7], kStretchSigma);
+  pull(8, -u[8], kStretchSigma);
+}
+
+Equations dot_equations(const Patch& patch, const DotLook& look, const Unknowns& u,
+                        const Vector2d& middle_px) {
+  const double reach_px = 1.15 * look.radius_px + 2.0 * look.edge_px + 1.0;
+  Equations e = compare_dot(patch, u, look.edge_px, middle_px, reach_px);
+  add_priors(u, look.radius_px, e);
+  return e;
 }
 
 }  // namespace
@@ -305,15 +333,11 @@ Patch project_look(const Image& linear_rgb, const DotLook& look, const PixelRect
   r.width = std::clamp(rect.x0 + rect.width, r.x0, linear_rgb.width) - r.x0;
   r.height = std::clamp(rect.y0 + rect.height, r.y0, linear_rgb.height) - r.y0;
   patch.image = Image(r.width, r.height, 1);
-  for (int y = 0; y < r.height; ++y) {
-    const float* in = linear_rgb.pixel(r.x0, r.y0 + y);
-    float* out = patch.image.pixel(0, y);
-    for (int x = 0; x < r.width; ++x, in += 3) {
-      out[x] = look.weights[0] * std::sqrt(std::max(in[0], 0.0f)) +
-               look.weights[1] * std::sqrt(std::max(in[1], 0.0f)) +
-               look.weights[2] * std::sqrt(std::max(in[2], 0.0f));
-    }
-  }
+  if (patch.image.empty()) return patch;
+  const cv::Mat part = view(linear_rgb)(cv::Rect(r.x0, r.y0, r.width, r.height));
+  cv::Mat roots, out = view(patch.image);
+  cv::sqrt(part, roots);
+  cv::transform(roots, out, cv::Matx13f(look.weights[0], look.weights[1], look.weights[2]));
   return patch;
 }
 
@@ -360,24 +384,18 @@ std::optional<DotFit> fit_dot(const Patch& patch, const DotLook& look,
                               const Eigen::Vector2d& start_px) {
   constexpr int kSteps = 12;
   const Vector2d origin(patch.rect.x0, patch.rect.y0), start = start_px - origin;
-  const double reach_px = look.radius_px + 2.0 * look.edge_px + 1.0;
-  const double prior = 4.0 / (look.radius_px * look.radius_px);
-  Unknowns u;
-  u << start, 1.0, 0.0, 0.0, 0.0, look.radius_px;
   const int x = static_cast<int>(start.x()), y = static_cast<int>(start.y());
   if (!(start.minCoeff() >= 0.0) || x >= patch.image.width || y >= patch.image.height) return {};
-  u[3] = *patch.image.pixel(x, y) - 1.0;
+  Unknowns u;
+  u << start, 1.0, *patch.image.pixel(x, y) - 1.0, 0.0, 0.0, look.radius_px, 0.0, 0.0;
   double damping = 1e-3;
   Vector2d middle = start;
-  Equations e = compare_disc(patch, u, look.edge_px, middle, reach_px);
-  add_radius_prior(u, look.radius_px, prior, e);
+  Equations e = dot_equations(patch, look, u, middle);
   for (int step = 0; step < kSteps && damping < 1e6; ++step) {
     Normal damped = e.normal;
     damped.diagonal() *= 1.0 + damping;
-    const Unknowns change = damped.ldlt().solve(e.gradient);
-    const Unknowns next = u + change;
-    Equations there = compare_disc(patch, next, look.edge_px, middle, reach_px);
-    add_radius_prior(next, look.radius_px, prior, there);
+    const Unknowns change = damped.ldlt().solve(e.gradient), next = u + change;
+    const Equations there = dot_equations(patch, look, next, middle);
     if (!(there.cost < e.cost)) {
       damping *= 10.0;
       continue;
@@ -387,15 +405,15 @@ std::optional<DotFit> fit_dot(const Patch& patch, const DotLook& look,
     damping *= 0.2;
     if ((u.head<2>() - middle).norm() > 0.7) {  // the window follows the dot
       middle = u.head<2>();
-      e = compare_disc(patch, u, look.edge_px, middle, reach_px);
-      add_radius_prior(u, look.radius_px, prior, e);
+      e = dot_equations(patch, look, u, middle);
     }
-    if (change.head<2>().norm() < 1e-3) break;
+    if (change.head<2>().norm() < 2e-3) break;
   }
   const double radius_px = look.radius_px;
   const bool near = (u.head<2>() - start).norm() < 1.0 + radius_px;
   if (!u.allFinite() || !near || e.pixels < 2 * kUnknowns) return {};
   if (u[2] < 0.35 || u[2] > 2.0 || u[6] < 0.5 * radius_px || u[6] > 1.7 * radius_px) return {};
+  if (u.tail<2>().norm() > 0.6) return {};
   const double variance = e.cost / (e.pixels - kUnknowns);
   const Normal covariance = variance * e.normal.inverse();
   DotFit fit;

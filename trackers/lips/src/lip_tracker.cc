@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kFewestSeen = 4;
+constexpr int kFewestSeen = 3;
 constexpr int kMostSpots = 250;          // that a search without a known look considers
 constexpr double kLeastResponse = 0.35;  // of a candidate
 constexpr double kWholeResponse = 0.5;   // of one that counts towards a full constellation

@@ -60,9 +60,10 @@ struct DotCandidate {
 std::vector<DotCandidate> find_candidates(const Patch& patch, const DotLook& look,
                                           double least_response);
 
-/// A dot's place by least squares: a disc with a blurred rim on a sloping background,
-///   v(p) = b + g . (p - c) + a (1 - erf((|p - c| - R) / (sqrt(2) e))) / 2,
-/// for centre c, height a, background b, slope g and radius R; the rim's blur e is the look's.
+/// A dot's place by least squares: an ellipse with a blurred rim on a sloping background,
+///   v(p) = b + g . (p - c) + a (1 - erf((|S (p - c)| - R) / (sqrt(2) e))) / 2,
+/// for centre c, height a, background b, slope g, radius R and stretch S = I + [s t; t -s]; the
+/// rim's blur e is the look's. Radius and stretch are held near the look's and zero.
 struct DotFit {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   /// From the cost's curvature and the residual, and 3 % of the radius for what curved skin and

@@ -17,7 +17,7 @@ namespace semblance {
 /// look are sought around the predicted mouth; where all are seen their arrangement names them
 /// again, in every frame, so that no identity can drift; where some are hidden the others are
 /// matched to the prediction at least total cost (Kuhn 1955), and what breaks the order of a mouth
-/// is dropped. Each dot is then measured by fit_dot. With fewer than four dots the frame is lost,
+/// is dropped. Each dot is then measured by fit_dot. With fewer than three dots the frame is lost,
 /// and the whole arrangement is sought again.
 class LipTracker : public FrameTracker {
  public:
