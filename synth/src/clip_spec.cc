@@ -23,6 +23,7 @@ void visit_motion(Spec& s, Visitor& v) {
   v.number("distance_m", s.distance_m, 0.2, 10);
   v.number("distance_range_m", s.distance_range_m, 0, 5);
   v.number("sideways_m", s.sideways_m, 0, 5);
+  v.number("height_m", s.height_m, -5, 5);
   v.number("peak_speed_deg_s", s.peak_speed_deg_s, 1, 1000);
   v.number("sway", s.sway, 0, 10);
   v.number("syllables_per_s", s.syllables_per_s, 0.5, 10);
@@ -33,6 +34,8 @@ template <class Spec, class Visitor>
 void visit_occlusion(Spec& s, Visitor& v) {
   v.number("hand_from_s", s.hand_from_s, 0, 1e6);
   v.number("hand_to_s", s.hand_to_s, 0, 1e6);
+  v.number("fingers_from_s", s.fingers_from_s, 0, 1e6);
+  v.number("fingers_to_s", s.fingers_to_s, 0, 1e6);
   v.number("leave_from_s", s.leave_from_s, 0, 1e6);
   v.number("leave_to_s", s.leave_to_s, 0, 1e6);
 }
@@ -45,6 +48,15 @@ void visit_look(Spec& s, Visitor& v) {
   v.number("stubble", s.stubble, -1, 1);
   v.number("key_light", s.key_light, 0, 1);
   v.flag("clutter", s.clutter);
+}
+
+template <class Spec, class Visitor>
+void visit_markers(Spec& s, Visitor& v) {
+  v.number("count", s.count, 0, 16);
+  v.number("diameter_m", s.diameter_m, 1e-4, 0.01);
+  v.number("red", s.red, 0, 1);
+  v.number("green", s.green, 0, 1);
+  v.number("blue", s.blue, 0, 1);
 }
 
 template <class Spec, class Visitor>
@@ -72,6 +84,7 @@ void visit_clip(Spec& s, Visitor& v) {
   v.group("motion", [&](auto& inner) { visit_motion(s.motion, inner); });
   v.group("occlusion", [&](auto& inner) { visit_occlusion(s.occlusion, inner); });
   v.group("look", [&](auto& inner) { visit_look(s.look, inner); });
+  v.group("markers", [&](auto& inner) { visit_markers(s.markers, inner); });
   v.group("sensor", [&](auto& inner) { visit_sensor(s.sensor, inner); });
 }
 
@@ -175,6 +188,9 @@ void check_clip(const FaceClipSpec& spec, const std::string& where) {
   const int samples = spec.sensor.samples;
   if (samples != 1 && samples != 4 && samples != 16)
     throw InvalidInput(where + ".sensor.samples: expected 1, 4 or 16");
+  const int markers = spec.markers.count;
+  if (markers != 0 && markers != 8 && markers != 16)
+    throw InvalidInput(where + ".markers.count: expected 0, 8 or 16");
   if (spec.motion.distance_range_m > 0.6 * spec.motion.distance_m)
     throw InvalidInput(where + ".motion.distance_range_m: expected at most 0.6 times distance_m");
 }

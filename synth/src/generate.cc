@@ -16,6 +16,7 @@
 #include "semblance/core/parallel.h"
 #include "semblance/io/camera_io.h"
 #include "semblance/io/image_io.h"
+#include "semblance/io/lip_markers.h"
 #include "semblance/io/track_file.h"
 #include "semblance/models/face.h"
 #include "semblance/models/load_face.h"
@@ -29,8 +30,10 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3f;
 
-constexpr double kHandTravel = 0.4;       // seconds the hand takes to rise and to sink
-constexpr float kHiddenBehindM = 0.006f;  // a landmark this far behind what is seen is hidden
+constexpr double kHandTravel = 0.4;          // seconds the hand takes to rise and to sink
+constexpr float kHiddenBehindM = 0.006f;     // a landmark this far behind what is seen is hidden
+constexpr float kDotHiddenBehindM = 0.002f;  // lips hide their own dots at a smaller distance
+constexpr double kFingersBackM = 0.062;      // puts the finger tips before half of the mouth
 
 MorphShape load_model(const FaceClipSpec& spec) {
   if (spec.model == "builtin") return make_sweep_face({spec.density});
@@ -66,11 +69,12 @@ Lighting draw_lighting(const FaceClipSpec& spec, const PersonLook& look, Random&
   return lighting;
 }
 
-double hand_raised(const OcclusionSpec& occlusion, double time_s) {
-  if (occlusion.hand_to_s <= occlusion.hand_from_s) return 0.0;
+// How far a hand is up that is held before the mouth from `from_s` to `to_s`.
+double raised(double from_s, double to_s, double time_s) {
+  if (to_s <= from_s) return 0.0;
   const auto step = [](double t) { return smooth_step(0.0f, 1.0f, static_cast<float>(t)); };
-  return step((time_s - occlusion.hand_from_s + kHandTravel) / kHandTravel) *
-         step((occlusion.hand_to_s + kHandTravel - time_s) / kHandTravel);
+  return step((time_s - from_s + kHandTravel) / kHandTravel) *
+         step((to_s + kHandTravel - time_s) / kHandTravel);
 }
 
 /// All that is fixed during a clip.
@@ -91,34 +95,47 @@ struct Stage {
     model = std::make_shared<const MorphModel>(MorphModel(load_model(spec)));
     // Three texels or more per pixel at the closest approach.
     const double closest_m = spec.motion.distance_m - spec.motion.distance_range_m - 0.05;
-    head.emplace(model, look, 0.33 * std::max(0.05, closest_m) / spec.focal_px, spec.model);
+    head.emplace(model, look, spec.markers, 0.33 * std::max(0.05, closest_m) / spec.focal_px,
+                 spec.model);
     motion.emplace(spec, *model);
     float exposure = 1;
     lighting = draw_lighting(spec, look, light, exposure);
     backdrop.emplace(spec.width, spec.height, spec.look.clutter, 0.65f * exposure,
                      skin_albedo(look.skin_tone), Random(spec.seed, 23));
     surfaces = head->surfaces();
-    surfaces.push_back({0.04f, 14.0f, 0.18f, {}});  // the hand
+    surfaces.resize(surfaces.size() + 2, {0.04f, 14.0f, 0.18f, {}});  // hands
   }
 
   Scene scene_at(double time_s) const {
     Scene scene;
     const Eigen::VectorXd x = motion->at(time_s);
     head->pose(x, scene);
-    const double raised = hand_raised(spec.occlusion, time_s);
-    if (raised > 0) {
-      const auto marks = head->landmarks(x);
-      const Rigid3 pose{Eigen::Quaterniond(x[0], x[1], x[2], x[3]), x.segment<3>(4)};
-      scene.objects.push_back(
-          make_hand(pose, 0.5 * (marks[62] + marks[66]), raised, skin_albedo(look.skin_tone)));
-    }
+    const OcclusionSpec& o = spec.occlusion;
+    add_hand(x, raised(o.hand_from_s, o.hand_to_s, time_s), 0.0, scene);
+    add_hand(x, raised(o.fingers_from_s, o.fingers_to_s, time_s), kFingersBackM, scene);
     return scene;
+  }
+
+  void add_hand(const Eigen::VectorXd& x, double up, double drawn_back_m, Scene& scene) const {
+    if (up <= 0) return;
+    const auto marks = head->landmarks(x);
+    const Rigid3 pose{Eigen::Quaterniond(x[0], x[1], x[2], x[3]), x.segment<3>(4)};
+    scene.objects.push_back(make_hand(pose, 0.5 * (marks[62] + marks[66]), up, drawn_back_m,
+                                      skin_albedo(look.skin_tone)));
+  }
+
+  std::vector<Eigen::Vector2d> lip_markers_px(double time_s) const {
+    std::vector<Eigen::Vector2d> out;
+    for (const Eigen::Vector3d& place : head->lip_markers(motion->at(time_s)))
+      out.push_back(project_world(camera, place));
+    return out;
   }
 };
 
 struct MadeFrame {
   Rgb8 picture;
   TrackFrame truth;
+  LipFrame lips;
 };
 
 bool inside(const Camera& camera, const Eigen::Vector2d& p) {
@@ -127,14 +144,15 @@ bool inside(const Camera& camera, const Eigen::Vector2d& p) {
 
 // Seen: in the picture, and nothing in front of it in the 3x3 pixels around (the deepest counts, as
 // a landmark on a silhouette shares its pixel with what is before or behind).
-bool visible(const Camera& camera, const Image& depth, const Eigen::Vector2d& p, double z_m) {
+bool visible(const Camera& camera, const Image& depth, const Eigen::Vector2d& p, double z_m,
+             float hidden_behind_m) {
   if (!inside(camera, p)) return false;
   const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
   float deepest = 0;
   for (int j = std::max(0, y - 1); j <= std::min(camera.height - 1, y + 1); ++j)
     for (int i = std::max(0, x - 1); i <= std::min(camera.width - 1, x + 1); ++i)
       deepest = std::max(deepest, *depth.pixel(i, j));
-  return deepest == 0 || z_m < deepest + kHiddenBehindM;
+  return deepest == 0 || z_m < deepest + hidden_behind_m;
 }
 
 TrackFrame truth_at(const Stage& stage, int frame, const Image& depth) {
@@ -153,7 +171,7 @@ TrackFrame truth_at(const Stage& stage, int frame, const Image& depth) {
     const Eigen::Vector3d in_camera = stage.camera.camera_from_world * mark;
     const Eigen::Vector2d p = project(stage.camera, in_camera);
     truth.landmarks_px.push_back(p);
-    seen.push_back(visible(stage.camera, depth, p, in_camera.z()) ? 1 : 0);
+    seen.push_back(visible(stage.camera, depth, p, in_camera.z(), kHiddenBehindM) ? 1 : 0);
     within += inside(stage.camera, p) ? 1 : 0;
   }
   truth.extra = nlohmann::json::object();
@@ -161,6 +179,30 @@ TrackFrame truth_at(const Stage& stage, int frame, const Image& depth) {
   truth.extra["interocular_px"] = (truth.landmarks_px[45] - truth.landmarks_px[36]).norm();
   truth.extra["in_picture"] = 2 * within >= static_cast<int>(truth.landmarks_px.size());
   return truth;
+}
+
+// A hidden marker's place is known here all the same: it counts as bridged.
+LipFrame true_lips_at(const Stage& stage, int frame, const Image& depth) {
+  constexpr double kStepS = 1e-4;  // of the central difference that velocities come from
+  LipFrame lips;
+  lips.frame = frame;
+  lips.time_s = frame / stage.spec.frames_per_second;
+  lips.confidence = 1.0;
+  const auto before = stage.lip_markers_px(lips.time_s - kStepS),
+             after = stage.lip_markers_px(lips.time_s + kStepS);
+  for (const Eigen::Vector3d& place : stage.head->lip_markers(stage.motion->at(lips.time_s))) {
+    const Eigen::Vector3d in_camera = stage.camera.camera_from_world * place;
+    const std::size_t i = lips.markers.size();
+    LipMarker marker;
+    marker.position_px = project(stage.camera, in_camera);
+    marker.velocity_px_s = (after[i] - before[i]) / (2 * kStepS);
+    marker.state =
+        visible(stage.camera, depth, marker.position_px, in_camera.z(), kDotHiddenBehindM)
+            ? MarkerState::seen
+            : MarkerState::bridged;
+    lips.markers.push_back(marker);
+  }
+  return lips;
 }
 
 void add_over(const Traced& traced, const Image& behind, float weight, Image& sum) {
@@ -188,7 +230,8 @@ MadeFrame make_frame(const Stage& stage, int frame) {
     if (sub == sensor.sub_frames / 2) depth = std::move(traced.depth);
   }
   blur_gaussian(light, sensor.lens_blur_px);
-  return {expose(light, sensor, stage.spec.seed, frame), truth_at(stage, frame, depth)};
+  return {expose(light, sensor, stage.spec.seed, frame), truth_at(stage, frame, depth),
+          true_lips_at(stage, frame, depth)};
 }
 
 TrackHeader truth_header(const Stage& stage) {
@@ -220,6 +263,7 @@ void render_all(const Stage& stage, const fs::path& folder, Progress& progress) 
     video.emplace((folder / video_name(spec)).string(), spec.width, spec.height,
                   spec.frames_per_second);
   TrackWriter truth((folder / "truth.jsonl").string(), truth_header(stage));
+  LipTrack lips{spec.markers.count, {}};
   progress.begin("clip " + spec.name, spec.frames);
   const int batch = 4 * std::max(1, thread_count());
   for (int first = 0; first < spec.frames; first += batch) {
@@ -236,10 +280,12 @@ void render_all(const Stage& stage, const fs::path& folder, Progress& progress) 
     for (const MadeFrame& frame : made) {
       if (video) video->write(frame.picture);
       truth.write(frame.truth);
+      lips.frames.push_back(frame.lips);
     }
     progress.update(first + static_cast<int>(made.size()));
   }
   if (video) video->close();
+  if (lips.marker_count > 0) write_lip_markers((folder / "lips.csv").string(), lips);
   progress.end();
 }
 

@@ -71,7 +71,7 @@ void for_each_texel(const std::array<Vector2f, 3>& p, int width, int height, con
 }  // namespace
 
 SynthHead::SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look,
-                     double texel_m, const std::string& source)
+                     const MarkerSpec& markers, double texel_m, const std::string& source)
     : model_(std::move(model)) {
   const MorphShape& shape = model_->shape();
   if (shape.landmarks.size() != 68)
@@ -94,6 +94,7 @@ SynthHead::SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& 
   weld();
   split(look);
   grow_hair(colour, look);
+  paint_ = LipPaint(markers, neutral_landmarks_, *pieces_.front().mesh);
   bake_skin(colour, texel_m);
   for (Piece& piece : pieces_)
     if (piece.name == "left_eye" || piece.name == "right_eye") bake_eye(piece, colour);
@@ -261,7 +262,8 @@ void SynthHead::bake_skin(const FaceColour& colour, double texel_m) {
     for (int x = 0; x < width; ++x) {
       if (state[y * width + x] == 0) continue;
       float* pixel = texture->pixel(x, static_cast<int>(y));
-      const Vector3f albedo = colour.skin(Eigen::Map<const Vector3f>(pixel));
+      const Eigen::Map<const Vector3f> place(pixel);
+      const Vector3f albedo = paint_.over(place, colour.skin(place));
       std::copy_n(albedo.data(), 3, pixel);
     }
   });
@@ -405,6 +407,21 @@ std::vector<Eigen::Vector3d> SynthHead::landmarks(const Eigen::VectorXd& x) cons
   return out;
 }
 
+std::vector<Eigen::Vector3d> SynthHead::lip_markers(const Eigen::VectorXd& x) const {
+  Scene bare;
+  model_->synthesize(x, bare);
+  const PointsF& positions = bare.objects.front().positions_m;
+  std::vector<Eigen::Vector3d> out;
+  for (const LipPaint::Dot& dot : paint_.dots()) {
+    Vector3f place = Vector3f::Zero();
+    for (int c = 0; c < 3; ++c)
+      place +=
+          dot.weights[c] * positions.row(pieces_.front().model_vertex[dot.corners[c]]).transpose();
+    out.push_back(place.cast<double>());
+  }
+  return out;
+}
+
 // How open every place is to the sky: eye sockets, nostrils, under the chin. The mouth is ajar, or
 // teeth would be black when it opens.
 void SynthHead::measure_ambient() {
@@ -423,7 +440,7 @@ void SynthHead::measure_ambient() {
 }
 
 SceneObject make_hand(const Rigid3& world_from_model, const Eigen::Vector3d& mouth_world_m,
-                      double raised, const Eigen::Vector3f& colour) {
+                      double raised, double drawn_back_m, const Eigen::Vector3f& colour) {
   static const std::shared_ptr<const Mesh> mesh = std::make_shared<const Mesh>(hand_mesh());
   const Eigen::Vector3d nose = world_from_model.rotation * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d down = -Eigen::Vector3d::UnitY();
@@ -437,8 +454,9 @@ SceneObject make_hand(const Rigid3& world_from_model, const Eigen::Vector3d& mou
       (Eigen::AngleAxisd(0.5 * std::atan2(nose.x(), nose.z()), Eigen::Vector3d::UnitY()) *
        Eigen::AngleAxisd(0.9 - 0.5 * raised, Eigen::Vector3d::UnitZ()))
           .toRotationMatrix();
+  const Eigen::Vector3d back = -drawn_back_m * turn.col(0);
   hand.positions_m =
-      ((turn * mesh->positions_m.transpose()).colwise() + place).transpose().cast<float>();
+      ((turn * mesh->positions_m.transpose()).colwise() + (place + back)).transpose().cast<float>();
   vertex_normals(hand.positions_m, mesh->triangles, hand.normals);
   return hand;
 }

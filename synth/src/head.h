@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "face_colour.h"
+#include "lip_paint.h"
 #include "semblance/core/rigid3.h"
 #include "semblance/models/morph_model.h"
 #include "tracer.h"
@@ -15,10 +16,10 @@ namespace semblance {
 /// model must have the 68 landmarks, parts and texture coordinates. Thread-safe once made.
 class SynthHead {
  public:
-  /// `texel_m` is the wanted size of the skin texture's texels. Throws InvalidInput naming `source`
-  /// when the model lacks what is needed.
-  SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look, double texel_m,
-            const std::string& source);
+  /// `texel_m` is the wanted size of the skin texture's texels; `markers` are painted on it. Throws
+  /// InvalidInput naming `source` when the model lacks what is needed.
+  SynthHead(std::shared_ptr<const MorphModel> model, const PersonLook& look,
+            const MarkerSpec& markers, double texel_m, const std::string& source);
 
   /// The objects at x; objects other than the head's may follow them in `scene`.
   void pose(const Eigen::VectorXd& x, Scene& scene) const;
@@ -27,6 +28,8 @@ class SynthHead {
   const MorphModel& model() const { return *model_; }
   /// World positions of the 68 landmarks at x.
   std::vector<Eigen::Vector3d> landmarks(const Eigen::VectorXd& x) const;
+  /// World positions of the painted dots' centres at x.
+  std::vector<Eigen::Vector3d> lip_markers(const Eigen::VectorXd& x) const;
 
  private:
   /// A subset of the model's triangles with one surface.
@@ -49,6 +52,7 @@ class SynthHead {
 
   std::shared_ptr<const MorphModel> model_;
   NeutralLandmarks neutral_landmarks_;
+  LipPaint paint_;
   std::vector<Piece> pieces_;
   Piece torso_;
   std::vector<Surface> surfaces_;
@@ -59,8 +63,9 @@ class SynthHead {
 };
 
 /// A hand-like object in front of the mouth: palm and fingers in the given colour. `raised` is 1
-/// before the mouth and 0 below the picture.
+/// before the mouth and 0 below the picture; `drawn_back_m` moves it along the fingers, to the left
+/// in the picture.
 SceneObject make_hand(const Rigid3& world_from_model, const Eigen::Vector3d& mouth_world_m,
-                      double raised, const Eigen::Vector3f& colour);
+                      double raised, double drawn_back_m, const Eigen::Vector3f& colour);
 
 }  // namespace semblance

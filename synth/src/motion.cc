@@ -396,7 +396,7 @@ Eigen::VectorXd FaceMotion::at(double time_s) const {
   const double half_view = distance * 0.5 * m.spec.width / m.spec.focal_px + 0.16;
   const Eigen::Vector3d place(
       m.side.at(time_s) + m.away.at(time_s) * half_view + sway * m.sway[7].at(time_s),
-      m.rise.at(time_s) + sway * m.sway[8].at(time_s), -distance);
+      m.spec.motion.height_m + m.rise.at(time_s) + sway * m.sway[8].at(time_s), -distance);
   Eigen::VectorXd x = m.rest;
   x.head<4>() << turn.w(), turn.x(), turn.y(), turn.z();
   x.segment<3>(4) = place + pivot - turn * pivot;

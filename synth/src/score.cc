@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 
+#include "quantile.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/rigid3.h"
 
@@ -45,19 +46,6 @@ struct Clip {
   std::vector<Pair> pairs;
   bool same_parameters = false;
 };
-
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return kNan;
-  std::sort(values.begin(), values.end());
-  const double place = share * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  const std::size_t above = std::min(below + 1, values.size() - 1);
-  return values[below] + (place - static_cast<double>(below)) * (values[above] - values[below]);
-}
-
-Spread spread(const std::vector<double>& values) {
-  return {quantile(values, 0.5), quantile(values, 0.95)};
-}
 
 Quaterniond quaternion(const Eigen::Vector4d& wxyz) {
   return Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
@@ -402,6 +390,19 @@ ClipScore Gathered::result(const std::string& name) const {
 }
 
 }  // namespace
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return kNan;
+  std::sort(values.begin(), values.end());
+  const double place = share * static_cast<double>(values.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, values.size() - 1);
+  return values[below] + (place - static_cast<double>(below)) * (values[above] - values[below]);
+}
+
+Spread spread(const std::vector<double>& values) {
+  return {quantile(values, 0.5), quantile(values, 0.95)};
+}
 
 SuiteScore score_tracks(const std::vector<ScoredClip>& given) {
   std::vector<Clip> clips;

@@ -53,7 +53,7 @@ Observation make_observation(Image linear_rgb, int level_count) {
   }
   Observation out;
   out.linear = std::move(linear_rgb);
-  out.levels.push_back(make_level(out.linear, 1.0));
+  if (level_count > 0) out.levels.push_back(make_level(out.linear, 1.0));
   Image smaller = out.linear;
   for (int i = 1; i < level_count; ++i) {
     smaller = downsample_half(smaller);

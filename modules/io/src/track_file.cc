@@ -78,8 +78,10 @@ OrderedJson header_json(const TrackHeader& header) {
 void add_estimate(const TrackFrame& frame, OrderedJson& json) {
   json["x"] = array_of(frame.x);
   json["sigma"] = frame.sigma.size() == 0 ? OrderedJson(nullptr) : array_of(frame.sigma);
-  json["rotation_wxyz"] = array_of(frame.rotation_wxyz);
-  json["translation_m"] = array_of(frame.translation_m);
+  if (frame.x.size() > 0) {
+    json["rotation_wxyz"] = array_of(frame.rotation_wxyz);
+    json["translation_m"] = array_of(frame.translation_m);
+  }
   json["residual_rms"] = number_or_null(frame.residual_rms);
   json["inlier_fraction"] = number_or_null(frame.inlier_fraction);
   json["landmarks_px"] = OrderedJson::array();
@@ -313,8 +315,10 @@ void TrackReader::read_estimate(const Json& json, TrackFrame& frame) const {
   if (!require(json, "sigma").is_null()) {
     frame.sigma = numbers(json, "sigma", parameter_count_, true);
   }
-  frame.rotation_wxyz = numbers(json, "rotation_wxyz", 4, false);
-  frame.translation_m = numbers(json, "translation_m", 3, false);
+  if (parameter_count_ > 0) {
+    frame.rotation_wxyz = numbers(json, "rotation_wxyz", 4, false);
+    frame.translation_m = numbers(json, "translation_m", 3, false);
+  }
   frame.residual_rms = number(require(json, "residual_rms"), "residual_rms", true);
   frame.inlier_fraction = number(require(json, "inlier_fraction"), "inlier_fraction", true);
   const Json& landmarks = require(json, "landmarks_px");

@@ -128,7 +128,8 @@ std::string formatted(const char* format, Values... values) {
   return text.data();
 }
 
-void draw_banner(cv::Mat& picture, const TrackFrame& track, double unit) {
+void draw_banner(cv::Mat& picture, const TrackFrame& track, const std::string& figures,
+                 double unit) {
   const double size = 0.52 * unit;
   const int height = static_cast<int>(std::lround(30.0 * unit));
   const int pad = static_cast<int>(std::lround(10.0 * unit));
@@ -143,9 +144,7 @@ void draw_banner(cv::Mat& picture, const TrackFrame& track, double unit) {
   draw_text(picture, formatted("frame %d   %.2f s", track.frame, track.time_s),
             {badge + pad, baseline}, size, k_text);
   if (track.status == TrackStatus::lost) return;
-  const std::string quality =
-      formatted("residual %.4f   inliers %.0f %%", track.residual_rms, 100 * track.inlier_fraction);
-  draw_text(picture, quality, {picture.cols - text_width(quality, size) - pad, baseline}, size,
+  draw_text(picture, figures, {picture.cols - text_width(figures, size) - pad, baseline}, size,
             k_faint_text);
 }
 
@@ -207,9 +206,18 @@ int overlay_scale(int source_width) {
              : (k_readable_width + source_width - 1) / std::max(1, source_width);
 }
 
+double overlay_unit(int picture_width) { return std::clamp(picture_width / 800.0, 0.8, 3.0); }
+
+void paint_status(Rgb8& picture, const TrackFrame& track, const std::string& figures) {
+  cv::Mat view(picture.height, picture.width, CV_8UC3, picture.data.data());
+  const double unit = overlay_unit(picture.width);
+  if (track.status == TrackStatus::lost) draw_lost(view, unit);
+  draw_banner(view, track, figures, unit);
+}
+
 struct OverlayPainter::Impl {
   Camera source_camera, camera;  // as given, and of the enlarged picture
-  double unit = 1.0;             // size of text and marks relative to an 800 pixel wide picture
+  double unit = 1.0;             // size of text and marks
   std::map<std::shared_ptr<const Mesh>, ThinWire> wires;
   FrontTest front;
   cv::Mat coverage;
@@ -217,7 +225,7 @@ struct OverlayPainter::Impl {
   explicit Impl(const Camera& given)
       : source_camera(given),
         camera(given.scaled(overlay_scale(given.width))),
-        unit(std::clamp(camera.width / 800.0, 0.8, 3.0)),
+        unit(overlay_unit(camera.width)),
         front(given) {}
 
   const ThinWire& wire_of(const std::shared_ptr<const Mesh>& mesh) {
@@ -307,15 +315,15 @@ struct OverlayPainter::Impl {
     cv::Mat picture(out.height, out.width, CV_8UC3, out.data.data());
     cv::resize(in, picture, picture.size(), 0, 0, cv::INTER_LINEAR);
 
-    if (track.status == TrackStatus::lost) {
-      draw_lost(picture, unit);
-    } else {
+    if (track.status != TrackStatus::lost) {
       front.prepare(scene);
       for (const SceneObject& object : scene.objects) draw_wire(picture, object);
       draw_landmarks(picture, track);
       draw_axes(picture, track);
     }
-    draw_banner(picture, track, unit);
+    paint_status(out, track,
+                 formatted("residual %.4f   inliers %.0f %%", track.residual_rms,
+                           100 * track.inlier_fraction));
     return out;
   }
 };

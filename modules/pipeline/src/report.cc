@@ -152,18 +152,22 @@ class Page {
         columns_(columns_of(input.track.header)),
         axis_(frames_) {
     for (const TrackFrame& frame : frames_) check(frame);
+    for (const ReportCurve& curve : input_.curves) check(curve);
   }
 
   std::string html() {
     head();
     summary();
-    pose();
-    expressions();
-    fit();
-    reading();
+    curves();
+    if (!columns_.empty()) {
+      pose();
+      expressions();
+      fit();
+      reading();
+    }
     pictures();
     times();
-    parameters();
+    if (!columns_.empty()) parameters();
     settings();
     foot();
     return std::move(out_);
@@ -177,6 +181,12 @@ class Page {
       throw InvalidInput(fmt::format(
           "report of {}: frame {} has {} parameters and {} deviations where the header names {}",
           input_.title, frame.frame, frame.x.size(), frame.sigma.size(), columns_.size()));
+  }
+
+  void check(const ReportCurve& curve) const {
+    if (curve.values.size() != frames_.size())
+      throw InvalidInput(fmt::format("report of {}: {} values of '{}' for {} frames", input_.title,
+                                     curve.values.size(), curve.title, frames_.size()));
   }
 
   int count(TrackStatus status) const {
@@ -245,7 +255,8 @@ class Page {
     card(std::to_string(again), again == 1 ? "reinitialisation" : "reinitialisations",
          again > 0 ? "warn" : "");
     card(figure_or_dash(quantile(residuals(), 0.5), 4), "median residual (rms)");
-    card(figure_or_dash(100.0 * quantile(inliers(), 0.5), 0) + " %", "median inlier pixels");
+    card(figure_or_dash(100.0 * quantile(inliers(), 0.5), 0) + " %",
+         columns_.empty() ? "median inliers" : "median inlier pixels");
     if (input_.wall_s > 0.0)
       card(fmt::format("{:.1f}/s", total / input_.wall_s),
            fmt::format("frames, {:.1f} s in all", input_.wall_s));
@@ -280,6 +291,18 @@ class Page {
         "<span><i style=\"background:#f2c4c6\"></i>lost</span>"
         "<span><i style=\"border-left:2px dashed "
         "#c77700;width:6px\"></i>reinitialised</span></p>\n";
+  }
+
+  void curves() {
+    if (input_.curves.empty()) return;
+    out_ += "<h2>Over time</h2>\n";
+    for (const ReportCurve& curve : input_.curves) {
+      Series series{curve.title, curve.unit, curve.values, {}, "#0b5cad", {}};
+      if (curve.from_zero) {
+        series.axis = {{0.0, std::max(1e-4, 1.1 * quantile(curve.values, 1.0))}};
+      }
+      out_ += chart_svg(series, axis_, k_page_px, 150);
+    }
   }
 
   void pose() {
@@ -489,10 +512,10 @@ class Page {
 
   void foot() {
     out_ += fmt::format(
-        "<footer>Written by {}. The figures are in track.jsonl and track.csv beside "
+        "<footer>Written by {}. The figures are in track.jsonl{} beside "
         "this page.</footer>\n</main><div id=\"readout\"></div>\n"
         "<script>{}</script></body></html>\n",
-        program_version(), k_script);
+        program_version(), columns_.empty() ? "" : " and track.csv", k_script);
   }
 
   const ReportInput& input_;

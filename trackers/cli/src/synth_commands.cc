@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -8,6 +9,7 @@
 #include "semblance/core/progress.h"
 #include "semblance/synth/generate.h"
 #include "semblance/synth/score.h"
+#include "semblance/synth/score_lips.h"
 
 namespace semblance::cli {
 
@@ -25,9 +27,9 @@ void run_synth(const std::string& suite_path, const std::string& folder) {
   }
 }
 
-/// DIR/<clip>/track.jsonl under `results` against DIR/<clip>/truth.jsonl under `truth`.
-void run_score(const Context& context, const std::string& truth, const std::string& results) {
-  std::vector<ScoredClip> clips;
+/// Names of the clips under `truth`, in order.
+std::vector<std::string> clip_names(const std::string& truth) {
+  std::vector<std::string> names;
   std::error_code error;
   fs::directory_iterator entries(truth, error);
   if (error) {
@@ -35,18 +37,35 @@ void run_score(const Context& context, const std::string& truth, const std::stri
                   "); give the folder that `semblance synth` wrote");
   }
   for (const fs::directory_entry& entry : entries) {
-    const std::string name = entry.path().filename().string();
-    if (!fs::exists(entry.path() / "truth.jsonl")) continue;
-    clips.push_back(read_scored_clip(name, (fs::path(results) / name / "track.jsonl").string(),
-                                     (entry.path() / "truth.jsonl").string()));
+    if (fs::exists(entry.path() / "truth.jsonl")) names.push_back(entry.path().filename().string());
   }
-  if (clips.empty()) {
+  if (names.empty()) {
     throw InvalidInput(truth +
                        ": no clip with a truth.jsonl in it; give the folder that `semblance "
                        "synth` wrote");
   }
-  std::sort(clips.begin(), clips.end(),
-            [](const ScoredClip& a, const ScoredClip& b) { return a.name < b.name; });
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+/// DIR/<clip>/lips.csv under `results` against DIR/<clip>/lips.csv under `truth`.
+void run_score_lips(const Context& context, const fs::path& truth, const fs::path& results) {
+  std::vector<LipScore> clips;
+  for (const std::string& name : clip_names(truth.string())) {
+    clips.push_back(score_lips(name, read_lip_markers((results / name / "lips.csv").string()),
+                               read_lip_markers((truth / name / "lips.csv").string())));
+  }
+  fmt::print("{}", lip_score_table(clips));
+  write_summary(context, lip_score_json(clips));
+}
+
+/// DIR/<clip>/track.jsonl under `results` against DIR/<clip>/truth.jsonl under `truth`.
+void run_score(const Context& context, const fs::path& truth, const fs::path& results) {
+  std::vector<ScoredClip> clips;
+  for (const std::string& name : clip_names(truth.string())) {
+    clips.push_back(read_scored_clip(name, (results / name / "track.jsonl").string(),
+                                     (truth / name / "truth.jsonl").string()));
+  }
   const SuiteScore score = score_tracks(clips);
   fmt::print("{}", score_table(score));
   write_summary(context, score_json(score));
@@ -71,8 +90,13 @@ void add_synth_commands(CLI::App& app, Context& context) {
   score->add_option("truth", scored->input, "Folder that `semblance synth` wrote")->required();
   score->add_option("results", scored->output, "Folder with one result folder per clip")
       ->required();
-  score->callback([&context, scored] {
-    context.action = [&context, scored] { run_score(context, scored->input, scored->output); };
+  auto lips = std::make_shared<bool>(false);
+  score->add_flag("--lips", *lips, "Compare the lips' markers (lips.csv) instead of the face");
+  score->callback([&context, scored, lips] {
+    context.action = [&context, scored, lips] {
+      const auto run = *lips ? run_score_lips : run_score;
+      run(context, scored->input, scored->output);
+    };
   });
 }
 

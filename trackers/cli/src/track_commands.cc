@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
 #include "semblance/face/track_face.h"
+#include "semblance/lips/track_lips.h"
 #include "semblance/optim/optimizer.h"
 
 namespace semblance::cli {
@@ -42,11 +44,84 @@ void run_track_face(const Context& context, const FaceTrackingOptions& options) 
   write_summary(context, summary_json(summary).dump(2));
 }
 
+nlohmann::json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json();
+}
+
+/// Frames per second of the tracking alone: decoding and drawing run beside it or after it.
+double tracking_rate(const TrackingOutcome& outcome) {
+  return outcome.times.track_s > 0.0 ? outcome.frames / outcome.times.track_s : 0.0;
+}
+
+nlohmann::json summary_json(const LipTrackingSummary& summary) {
+  const TrackingOutcome& o = summary.outcome;
+  return {{"frames", o.frames},
+          {"tracked", o.tracked},
+          {"lost", o.lost},
+          {"reinitialised", o.reinitialised},
+          {"cancelled", o.cancelled},
+          {"markers_seen", summary.seen},
+          {"markers_bridged", summary.bridged},
+          {"markers_absent", summary.absent},
+          {"median_sigma_px", number_or_null(summary.median_sigma_px)},
+          {"median_opening", number_or_null(summary.median_opening)},
+          {"tracking_frames_per_second", tracking_rate(o)},
+          {"decode_s", o.times.decode_s},
+          {"track_s", o.times.track_s},
+          {"total_s", o.times.total_s}};
+}
+
+void run_track_lips(const Context& context, const LipTrackingOptions& options) {
+  const auto progress = console_progress();
+  const LipTrackingSummary summary = track_lips(options, *progress);
+  const TrackingOutcome& o = summary.outcome;
+  fmt::print("{}{} frames: {} tracked ({} found again), {} lost; tracking alone {:.0f} frames/s\n",
+             o.cancelled ? "interrupted after " : "", o.frames, o.tracked, o.reinitialised, o.lost,
+             tracking_rate(o));
+  fmt::print("markers: {} seen, {} bridged, {} absent\n", summary.seen, summary.bridged,
+             summary.absent);
+  fmt::print("results in {}: track.jsonl lips.csv{} report.html\n", options.folder,
+             options.overlay ? " overlay.mp4" : "");
+  if (o.cancelled) fmt::print("go on with the same command and --resume\n");
+  write_summary(context, summary_json(summary).dump(2));
+}
+
+void add_track_lips(CLI::App& track, Context& context) {
+  CLI::App* lips = track.add_subcommand("lips", "Track lips: painted dots, or those of a face");
+  struct Choice {
+    LipTrackingOptions options;
+    std::string markers = "16";
+  };
+  auto choice = std::make_shared<Choice>();
+  LipTrackingOptions& options = choice->options;
+  lips->add_option("video", options.video, "Video file, or folder of images")->required();
+  lips->add_option("-o,--output", options.folder, "Folder for the results")->required();
+  lips->add_option("--markers", choice->markers,
+                   "Dots painted on the lips: 8 (outer contour), 16 (and inner), or none")
+      ->check(CLI::IsMember({"8", "16", "none"}))
+      ->capture_default_str();
+  lips->add_option("--velocity-frames", options.velocity_frames,
+                   "Neighbours to each side that a velocity is taken from")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  lips->add_flag("--resume", options.resume, "Go on where an interrupted run stopped");
+  lips->add_flag("!--no-overlay", options.overlay, "Do not write overlay.mp4");
+  lips->add_option("--last-frame", options.last_frame, "Stop after this frame, counted from 0")
+      ->check(CLI::NonNegativeNumber);
+  lips->callback([&context, choice] {
+    context.action = [&context, choice] {
+      choice->options.markers = choice->markers == "none" ? 0 : std::stoi(choice->markers);
+      run_track_lips(context, choice->options);
+    };
+  });
+}
+
 }  // namespace
 
 void add_track_commands(CLI::App& app, Context& context) {
   CLI::App* track = app.add_subcommand("track", "Follow an object through a video");
   track->require_subcommand(1);
+  add_track_lips(*track, context);
   CLI::App* face = track->add_subcommand("face", "Track a face: pose, expression, light");
   auto options = std::make_shared<FaceTrackingOptions>();
   face->add_option("video", options->video, "Video file, or folder of images")->required();

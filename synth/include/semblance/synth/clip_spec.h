@@ -15,6 +15,7 @@ struct MotionSpec {
   double distance_m = 0.6;         ///< mean distance of the head from the camera
   double distance_range_m = 0.1;   ///< largest approach and retreat
   double sideways_m = 0.05;        ///< largest shift of the head to any side
+  double height_m = 0.0;           ///< mean height of the eyes above the camera's axis
   double peak_speed_deg_s = 90.0;  ///< fastest turn
   double sway = 1.0;               ///< strength of the always-present small movements; 0: none
   double syllables_per_s = 4.0;    ///< speech tempo, 3 to 5 in ordinary speech
@@ -23,7 +24,9 @@ struct MotionSpec {
 
 /// What passes in front of the face or takes it away; a span is empty where `to` <= `from`.
 struct OcclusionSpec {
-  double hand_from_s = 0.0, hand_to_s = 0.0;    ///< a hand is held before the mouth
+  double hand_from_s = 0.0, hand_to_s = 0.0;  ///< a hand is held before the mouth
+  /// Finger tips are held before the half of the mouth that is left in the picture.
+  double fingers_from_s = 0.0, fingers_to_s = 0.0;
   double leave_from_s = 0.0, leave_to_s = 0.0;  ///< the head leaves the picture sideways
 };
 
@@ -35,6 +38,13 @@ struct LookSpec {
   double stubble = -1.0;         ///< 0 to 1; negative: drawn
   double key_light = 0.6;        ///< share of the directional light in the light on the face
   bool clutter = true;           ///< cluttered background with moving objects, else a plain wall
+};
+
+/// Dots painted on the lips of the neutral face (order: io/lip_markers.h).
+struct MarkerSpec {
+  int count = 0;               ///< 0, 8 (outer contour) or 16 (and inner)
+  double diameter_m = 0.0025;  ///< of a dot, at most half the outer contour's spacing
+  double red = 0.03, green = 0.1, blue = 0.35;  ///< linear albedo
 };
 
 /// The camera's imperfections.
@@ -62,6 +72,7 @@ struct FaceClipSpec {
   MotionSpec motion;
   OcclusionSpec occlusion;
   LookSpec look;
+  MarkerSpec markers;
   SensorSpec sensor;
 };
 

@@ -24,6 +24,8 @@ struct ClipFiles {
 /// those hidden or outside), and as extra fields "landmarks_visible" (0 or 1 each: inside the
 /// picture and not hidden behind the head or a hand), "interocular_px" (distance of the outer eye
 /// corners in the picture) and "in_picture" (at least half of the landmarks lie inside the frame).
+/// Where the lips have markers, lips.csv says where the centres of the dots are, how they move, and
+/// which can be seen ("seen"; "bridged": hidden by the lips, the head or a hand, or outside).
 ///
 /// Throws InvalidInput for a model that cannot be dressed or a folder with other content. When
 /// `progress` is cancelled, nothing is left behind and SolverError is thrown.

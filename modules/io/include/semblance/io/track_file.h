@@ -16,7 +16,7 @@ enum class TrackStatus { tracked, lost, reinitialised };
 std::string to_string(TrackStatus status);
 
 struct TrackHeader {
-  std::string kind;  // "face"
+  std::string kind;  // "face" or "lips"
   std::uint64_t seed = 1;
   ParameterSpace parameters;
   std::vector<Camera> cameras;
@@ -25,7 +25,7 @@ struct TrackHeader {
   nlohmann::json config;  // everything needed to run again
 };
 
-/// One line. A lost frame has no estimate: its x, sigma, pose and landmarks are absent.
+/// One line. A lost frame has no estimate: no x, sigma, pose, landmarks. No parameters, no pose.
 struct TrackFrame {
   int frame = 0;
   double time_s = 0.0;

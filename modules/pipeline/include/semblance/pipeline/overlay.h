@@ -16,6 +16,13 @@ namespace semblance {
 /// smallest that reaches 640, so that text and lines can be read.
 int overlay_scale(int source_width);
 
+/// Size of text and marks in a picture of this width, relative to one of 800 pixels.
+double overlay_unit(int picture_width);
+
+/// What every overlay shows of a frame, painted over the picture: a banner with state, number, time
+/// and `figures`. A lost frame is grey in a red border, and has no figures.
+void paint_status(Rgb8& picture, const TrackFrame& track, const std::string& figures);
+
 /// Paints overlays of one camera: a thinned wire of the visible surface, landmarks, the head's axes
 /// (x red to its left, y green up, z blue out of the nose, 2.5, 2.5 and 8 cm) and a banner with the
 /// state. A lost frame is grey in a red border and shows no estimate. Keeps the thinned wire of

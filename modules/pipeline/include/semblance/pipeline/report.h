@@ -14,18 +14,27 @@ struct StageTime {
   double seconds = 0.0;
 };
 
+/// A quantity of a pipeline's own with one value per frame of the track; NaN where there is none.
+struct ReportCurve {
+  std::string title, unit;
+  std::vector<double> values;
+  bool from_zero = false;  // the axis starts at zero
+};
+
 struct ReportInput {
-  std::string title;              // what was tracked, for example the video's file name
-  Track track;                    // as read_track gives it
-  std::vector<StageTime> stages;  // may overlap in time
-  double wall_s = 0.0;            // of the whole run
-  ContactSheet pictures;          // possibly empty
+  std::string title;                // what was tracked, for example the video's file name
+  Track track;                      // as read_track gives it
+  std::vector<StageTime> stages;    // may overlap in time
+  double wall_s = 0.0;              // of the whole run
+  ContactSheet pictures;            // possibly empty
+  std::vector<ReportCurve> curves;  // shown before all others
 };
 
 /// Writes one self-contained HTML file: summary, curves of pose, expressions and fit with bands of
-/// two standard deviations, lost spans, pictures, times and settings. It needs no other file and no
-/// network. Curves are thinned to what can be seen, so the size hardly grows with the clip. Throws
-/// InvalidInput if the track's header and frames do not fit together.
+/// two standard deviations, lost spans, pictures, times and settings. A track without parameters
+/// has only the curves that are given. It needs no other file and no network. Curves are thinned to
+/// what can be seen, so the size hardly grows with the clip. Throws InvalidInput if the track's
+/// header and frames do not fit together.
 ///
 /// Angles are those of the head in the world frame, R = Ry(yaw) Rx(-pitch) Rz(roll): zero for a
 /// face looking along the world's z, yaw towards its own left, pitch up, roll towards its right

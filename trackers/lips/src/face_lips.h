@@ -1,0 +1,18 @@
+// Lips without dots: read off a tracked face.
+#pragma once
+
+#include <vector>
+
+#include "semblance/io/track_file.h"
+#include "semblance/lips/lip_estimate.h"
+
+namespace semblance {
+
+/// The 16 markers' places on the lips of a track of kind "face", from its 68 landmarks (iBUG order:
+/// outer 48, 50, 51, 52, 54, 56, 57, 58, inner 60 to 67). All are "seen" where the face is tracked;
+/// the confidence is the frame's share of trusted pixels. They have no deviations: a face's are
+/// stated per parameter, without the correlations that a point's would need. Throws InvalidInput
+/// naming `source` unless the track has 68 landmarks.
+std::vector<LipEstimate> lips_of_face(const Track& face, const std::string& source);
+
+}  // namespace semblance
