@@ -9,6 +9,7 @@
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/points.h"
 #include "semblance/io/track_file.h"
+#include "semblance/io/visemes.h"
 
 namespace semblance {
 
@@ -18,5 +19,6 @@ std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::stri
 std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
 LipTrack parse_lip_markers(std::string_view content, const std::string& source);
 Track parse_track(std::string_view content, const std::string& source);
+std::vector<Viseme> parse_visemes(std::string_view content, const std::string& source);
 
 }  // namespace semblance

@@ -15,6 +15,7 @@ struct Context {
 
 void add_track_commands(CLI::App& app, Context& context);
 void add_sweep_commands(CLI::App& app, Context& context);
+void add_sweep_animate_command(CLI::App& sweep, Context& context);
 void add_synth_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
