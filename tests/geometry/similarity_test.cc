@@ -21,8 +21,7 @@ TEST(Similarity, IsEigensUmeyama) {
     const Eigen::Affine2d truth = Eigen::Translation2d(3.0, -8.0) *
                                   Eigen::Rotation2Dd(random.uniform(-3.0, 3.0)) *
                                   Eigen::Scaling(random.uniform(0.2, 5.0));
-    const Eigen::MatrixXd to =
-        (truth * Eigen::Matrix2Xd(from)) + 0.2 * random_points(random, 7);
+    const Eigen::MatrixXd to = (truth * Eigen::Matrix2Xd(from)) + 0.2 * random_points(random, 7);
     for (const bool scale : {true, false}) {
       const Eigen::MatrixXd expected = Eigen::umeyama(from, to, scale);
       EXPECT_LT((fit_similarity(from, to, scale).matrix() - expected).cwiseAbs().maxCoeff(), 1e-9);

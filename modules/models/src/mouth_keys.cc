@@ -15,6 +15,7 @@ using Eigen::Vector2d;
 
 constexpr int outer_count = 8, most_candidates = 32;
 constexpr double corner_inset = 0.1;
+constexpr double least_gain = 1e-6;  // of the error, for moving a key
 
 bool has_outer_contour(const LipFrame& frame) {
   return std::all_of(frame.markers.begin(), frame.markers.begin() + outer_count,
@@ -133,6 +134,11 @@ struct Segment {
   double urgency = 0.0;  // the same, but 0 for a segment that is good enough or cannot be split
 };
 
+struct Split {
+  Segment before, after;
+  double squared() const { return before.squared + after.squared; }
+};
+
 class KeyChooser {
  public:
   KeyChooser(const LipTrack& track, const KeyChoice& choice) : track_(track), choice_(choice) {
@@ -147,17 +153,21 @@ class KeyChooser {
                       "animated",
                       complete.size()));
     }
+    rows_ = {complete.front(), complete.back()};
     segments_ = {measured(complete.front(), complete.back())};
-    std::vector<int> rows{complete.front(), complete.back()};
-    while (static_cast<int>(rows.size()) < choice_.most_keys) {
+    while (static_cast<int>(rows_.size()) < choice_.most_keys) {
       const auto worst = std::max_element(
           segments_.begin(), segments_.end(),
-          [](const Segment& a, const Segment& b) { return a.urgency < b.urgency; });
+          [](const Segment& x, const Segment& y) { return x.urgency < y.urgency; });
       if (worst->urgency <= 0.0) break;
-      rows.push_back(split(*worst));
+      const auto place = worst - segments_.begin();
+      const Split split = best_split(worst->first, worst->last);
+      *worst = split.before;
+      segments_.insert(segments_.begin() + place + 1, split.after);
+      rows_.insert(rows_.begin() + place + 1, split.after.first);
+      settle_beside(static_cast<int>(place) + 1);
     }
-    std::sort(rows.begin(), rows.end());
-    return rows;
+    return rows_;
   }
 
  private:
@@ -192,29 +202,41 @@ class KeyChooser {
     return segment;
   }
 
-  /// Splits it at the best candidate, and returns that row.
-  int split(Segment& segment) {
-    const std::vector<int> rows = complete_rows(segment.first, segment.last);
+  Split best_split(int first, int last) {
+    const std::vector<int> rows = complete_rows(first, last);
     const int count = std::min(most_candidates, static_cast<int>(rows.size()));
-    Segment before, after;
-    double least = std::numeric_limits<double>::infinity();
+    Split best;
     for (int i = 0; i < count; ++i) {
       const int row = rows[(2 * i + 1) * rows.size() / (2 * count)];
-      const Segment a = measured(segment.first, row), b = measured(row, segment.last);
-      if (a.squared + b.squared < least) {
-        least = a.squared + b.squared;
-        before = a, after = b;
-      }
+      const Split split{measured(first, row), measured(row, last)};
+      if (i == 0 || split.squared() < best.squared()) best = split;
     }
-    segment = before;
-    segments_.push_back(after);
-    return before.last;
+    return best;
+  }
+
+  /// Moves the inner keys beside key i to better places, then those beside the moved ones, and so
+  /// on while the squared error falls.
+  void settle_beside(int i) {
+    std::vector<int> pending{i - 1, i + 1};
+    while (!pending.empty()) {
+      const int k = pending.back();
+      pending.pop_back();
+      if (k <= 0 || k + 1 >= static_cast<int>(rows_.size())) continue;
+      const Split split = best_split(rows_[k - 1], rows_[k + 1]);
+      const double now = segments_[k - 1].squared + segments_[k].squared;
+      if (!(split.squared() < (1.0 - least_gain) * now)) continue;
+      segments_[k - 1] = split.before;
+      segments_[k] = split.after;
+      rows_[k] = split.after.first;
+      pending.insert(pending.end(), {k - 1, k + 1});
+    }
   }
 
   const LipTrack& track_;
   const KeyChoice& choice_;
   std::vector<std::optional<MouthKey>> keys_;
-  std::vector<Segment> segments_;
+  std::vector<int> rows_;
+  std::vector<Segment> segments_;  // between neighbouring rows
   MouthPoints points_;
 };
 

@@ -65,6 +65,7 @@ struct Plan {
   LipTrack track;
   std::vector<int> rows;
   std::vector<MouthKey> keys;
+  std::vector<MouthKey> still;  // the frame that gives all texture, if one does
   MouthMotion motion;
   MouthWireframe wireframe;
 
@@ -77,13 +78,18 @@ struct Plan {
       LipTrack track = with_inner_contour(read);
       std::vector<int> rows = options.keys.empty() ? choose_keys(track, options.choice)
                                                    : given_rows(track, options.keys);
-      std::vector<MouthKey> keys;
+      std::vector<MouthKey> keys, still;
       for (const int row : rows) keys.push_back(make_key(track, row, options.choice.neighbours));
+      if (options.still_frame) {
+        still.push_back(
+            make_key(track, find_frame(track, *options.still_frame), options.choice.neighbours));
+      }
       assign_depths(visemes, keys);
+      assign_depths(visemes, still);
       MouthMotion motion(keys, options.choice.controls, options.choice.reference_px);
       MouthWireframe wireframe(key_points(keys.front()), options.wireframe);
-      return Plan{std::move(track), std::move(rows), std::move(keys), std::move(motion),
-                  std::move(wireframe)};
+      return Plan{std::move(track), std::move(rows),   std::move(keys),
+                  std::move(still), std::move(motion), std::move(wireframe)};
     });
   }
 };
@@ -214,25 +220,15 @@ class BlendedStage : public Stage {
   std::unique_ptr<MouthPainter> before_, after_;
 };
 
-const MouthKey& still_key(const Plan& plan, int frame) {
-  for (const MouthKey& key : plan.keys) {
-    if (key.frame == frame) return key;
-  }
-  throw InvalidInput(fmt::format(
-      "frame {} is to give the texture but is no key frame; name it among the keys", frame));
-}
-
 std::unique_ptr<Stage> make_stage(const Plan& plan, const MouthAnimationOptions& options) {
   if (options.video.empty()) return std::make_unique<FlatStage>(plan);
-  require_inside(plan.keys, VideoSource(options.video).info());
+  const std::vector<MouthKey>& shown = plan.still.empty() ? plan.keys : plan.still;
+  require_inside(shown, VideoSource(options.video).info());
   std::set<int> frames;
-  for (const MouthKey& key : plan.keys) frames.insert(key.frame);
-  if (!options.still_frame) {
-    return std::make_unique<BlendedStage>(plan, key_pictures(options.video, frames));
-  }
-  const MouthKey& key = still_key(plan, *options.still_frame);
-  return std::make_unique<StillStage>(plan, key,
-                                      key_pictures(options.video, {key.frame}).at(key.frame));
+  for (const MouthKey& key : shown) frames.insert(key.frame);
+  std::map<int, Rgb8> pictures = key_pictures(options.video, frames);
+  if (plan.still.empty()) return std::make_unique<BlendedStage>(plan, std::move(pictures));
+  return std::make_unique<StillStage>(plan, plan.still.front(), pictures.begin()->second);
 }
 
 double output_rate(const MouthAnimationOptions& options) {

@@ -31,23 +31,22 @@ struct Coverage {
   cv::Mat share;  // CV_32F, 0 to 1
 };
 
+float near_picture(double at_px, int size) {
+  return std::isfinite(at_px) ? float(std::clamp(at_px, -double(size), 2.0 * size)) : 0.0f;
+}
+
 Coverage polygon_coverage(const std::vector<Eigen::Vector2d>& polygon_px, int width, int height) {
-  Eigen::Vector2d low = polygon_px.front(), high = low;
+  std::vector<cv::Point2f> near;  // integers must hold what is far outside, too
   for (const Eigen::Vector2d& p : polygon_px) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
+    near.emplace_back(near_picture(p.x(), width), near_picture(p.y(), height));
   }
-  const cv::Rect box(cv::Point(int(std::floor(low.x())) - 1, int(std::floor(low.y())) - 1),
-                     cv::Point(int(std::ceil(high.x())) + 1, int(std::ceil(high.y())) + 1));
-  Coverage coverage{box & cv::Rect(0, 0, width, height), {}};
+  Coverage coverage{cv::boundingRect(near) & cv::Rect(0, 0, width, height), {}};
   if (coverage.pixels.empty()) return coverage;
   cv::Mat samples = cv::Mat::zeros(coverage.pixels.size() * coverage_samples, CV_8U);
   std::vector<cv::Point> corners;
-  for (const Eigen::Vector2d& p : polygon_px) {
-    const Eigen::Vector2d at =
-        coverage_samples * (p - Eigen::Vector2d(coverage.pixels.x, coverage.pixels.y)) -
-        Eigen::Vector2d::Constant(0.5);
-    corners.emplace_back(int(std::lround(at.x())), int(std::lround(at.y())));
+  for (const cv::Point2f& p : near) {
+    const cv::Point2f at = coverage_samples * (p - cv::Point2f(coverage.pixels.tl()));
+    corners.emplace_back(cvFloor(at.x), cvFloor(at.y));  // sample i covers [i, i + 1)
   }
   cv::fillPoly(samples, std::vector<std::vector<cv::Point>>{corners}, cv::Scalar(255));
   // fillPoly takes the border along: half a sample too much on every side.

@@ -15,11 +15,18 @@ const cv::Scalar wire_colour{140, 225, 255}, marker_colour{255, 214, 70},
     text_colour{240, 240, 240};
 constexpr int subpixel_bits = 4;
 
+/// For cv's drawing, whose coordinates are integers; far outside is outside.
+int fixed_point(double at_px) {
+  constexpr double farthest_px = 20000.0;
+  if (!std::isfinite(at_px)) return 0;
+  return static_cast<int>(
+      std::lround(std::clamp(at_px, -farthest_px, farthest_px) * (1 << subpixel_bits)));
+}
+
 cv::Point fixed_point(const MouthPoints& points_px, int row, int scale) {
   const Eigen::Vector2d at =
-      integer_centred_from_ours(scale * points_px.row(row).head<2>().transpose()) *
-      (1 << subpixel_bits);
-  return {static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y()))};
+      integer_centred_from_ours(scale * points_px.row(row).head<2>().transpose());
+  return {fixed_point(at.x()), fixed_point(at.y())};
 }
 
 }  // namespace

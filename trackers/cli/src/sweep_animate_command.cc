@@ -86,7 +86,7 @@ void add_sweep_animate_command(CLI::App& sweep, Context& context) {
       animate->add_option("--video", options.video, "Video that the markers were tracked in");
   animate
       ->add_option("--still", options.still_frame,
-                   "Take all texture from this key frame instead of blending one into the next")
+                   "Take all texture from this frame instead of blending one key into the next")
       ->needs(video);
   CLI::Option* keys =
       animate->add_option("--keys", options.keys, "Numbers of the key frames: 0,12,30")

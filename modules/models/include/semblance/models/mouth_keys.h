@@ -40,10 +40,11 @@ struct KeyChoice {
 };
 
 /// Rows of key frames, greedily: the first and the last complete frame; then again and again the
-/// segment with the largest squared error among those with a frame above the tolerance is split,
-/// where what is left of its error is least. At most 32 evenly spread frames are tried for that, so
-/// long tracks take time in proportion to their length. Throws InvalidInput with fewer than two
-/// complete frames or a wrong choice.
+/// segment with the largest squared error among those with a frame above the tolerance is split
+/// where what is left of its error is least, and the keys beside the new one move to where they now
+/// leave least. At most 32 evenly spread frames are tried for each place, so long tracks take time
+/// in proportion to their length. Throws InvalidInput with fewer than two complete frames or a
+/// wrong choice.
 std::vector<int> choose_keys(const LipTrack& track, const KeyChoice& choice);
 
 /// How far the motion is from the track in the frames between its keys.

@@ -21,8 +21,8 @@ struct MouthAnimationOptions {
   /// What the markers were seen in; their frame numbers are those of the video. Empty: flat
   /// colours.
   std::string video;
-  /// Take the whole texture from this key frame; otherwise each picture is blended from those of
-  /// the key frames before and after it.
+  /// Take the whole texture from this frame, which needs no missing marker; otherwise each picture
+  /// is blended from those of the key frames before and after it.
   std::optional<int> still_frame;
   std::string visemes;    // file; empty: the built-in face's
   std::vector<int> keys;  // frame numbers; empty: chosen by `choice`
