@@ -13,9 +13,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int outer_count = 8, most_candidates = 32;
+constexpr int outer_count = 8, most_candidates = 32, most_rounds = 5;
 constexpr double corner_inset = 0.1;
-constexpr double least_gain = 1e-6;  // of the error, for moving a key
 
 bool has_outer_contour(const LipFrame& frame) {
   return std::all_of(frame.markers.begin(), frame.markers.begin() + outer_count,
@@ -137,6 +136,7 @@ struct Segment {
 struct Split {
   Segment before, after;
   double squared() const { return before.squared + after.squared; }
+  bool urgent() const { return before.urgency > 0.0 || after.urgency > 0.0; }
 };
 
 class KeyChooser {
@@ -153,21 +153,10 @@ class KeyChooser {
                       "animated",
                       complete.size()));
     }
-    rows_ = {complete.front(), complete.back()};
-    segments_ = {measured(complete.front(), complete.back())};
-    while (static_cast<int>(rows_.size()) < choice_.most_keys) {
-      const auto worst = std::max_element(
-          segments_.begin(), segments_.end(),
-          [](const Segment& x, const Segment& y) { return x.urgency < y.urgency; });
-      if (worst->urgency <= 0.0) break;
-      const auto place = worst - segments_.begin();
-      const Split split = best_split(worst->first, worst->last);
-      *worst = split.before;
-      segments_.insert(segments_.begin() + place + 1, split.after);
-      rows_.insert(rows_.begin() + place + 1, split.after.first);
-      settle_beside(static_cast<int>(place) + 1);
-    }
-    return rows_;
+    const std::vector<Segment> divided =
+        settled(divide({measured(complete.front(), complete.back())}));
+    const std::vector<Segment> even = settled(evenly(complete, divided.size()));
+    return rows_of(is_better(even, divided) ? even : divided);
   }
 
  private:
@@ -214,29 +203,69 @@ class KeyChooser {
     return best;
   }
 
-  /// Moves the inner keys beside key i to better places, then those beside the moved ones, and so
-  /// on while the squared error falls.
-  void settle_beside(int i) {
-    std::vector<int> pending{i - 1, i + 1};
-    while (!pending.empty()) {
-      const int k = pending.back();
-      pending.pop_back();
-      if (k <= 0 || k + 1 >= static_cast<int>(rows_.size())) continue;
-      const Split split = best_split(rows_[k - 1], rows_[k + 1]);
-      const double now = segments_[k - 1].squared + segments_[k].squared;
-      if (!(split.squared() < (1.0 - least_gain) * now)) continue;
-      segments_[k - 1] = split.before;
-      segments_[k] = split.after;
-      rows_[k] = split.after.first;
-      pending.insert(pending.end(), {k - 1, k + 1});
+  std::vector<Segment> divide(std::vector<Segment> segments) {
+    while (static_cast<int>(segments.size()) + 1 < choice_.most_keys) {
+      const auto worst = std::max_element(
+          segments.begin(), segments.end(),
+          [](const Segment& a, const Segment& b) { return a.urgency < b.urgency; });
+      if (worst->urgency <= 0.0) break;
+      const Split split = best_split(worst->first, worst->last);
+      *worst = split.before;
+      segments.insert(worst + 1, split.after);
     }
+    return segments;
+  }
+
+  std::vector<Segment> evenly(const std::vector<int>& rows, std::size_t count) {
+    std::vector<Segment> segments;
+    for (std::size_t i = 0; i < count; ++i) {
+      segments.push_back(
+          measured(rows[i * (rows.size() - 1) / count], rows[(i + 1) * (rows.size() - 1) / count]));
+    }
+    return segments;
+  }
+
+  /// Moves inner keys, one after the other, to where they leave least.
+  std::vector<Segment> settled(std::vector<Segment> segments) {
+    bool moved = true;
+    for (int round = 0; moved && round < most_rounds; ++round) {
+      moved = false;
+      for (std::size_t i = 1; i < segments.size(); ++i) {
+        const Split now{segments[i - 1], segments[i]},
+            split = best_split(now.before.first, now.after.last);
+        if (!(split.squared() < now.squared()) || (!now.urgent() && split.urgent())) continue;
+        segments[i - 1] = split.before;
+        segments[i] = split.after;
+        moved = true;
+      }
+    }
+    return segments;
+  }
+
+  /// Within the tolerance where the other is not, or else with the smaller error.
+  static bool is_better(const std::vector<Segment>& a, const std::vector<Segment>& b) {
+    double squared_a = 0.0, squared_b = 0.0;
+    bool urgent_a = false, urgent_b = false;
+    for (const Segment& segment : a) {
+      squared_a += segment.squared;
+      urgent_a = urgent_a || segment.urgency > 0.0;
+    }
+    for (const Segment& segment : b) {
+      squared_b += segment.squared;
+      urgent_b = urgent_b || segment.urgency > 0.0;
+    }
+    return urgent_a == urgent_b ? squared_a < squared_b : urgent_b;
+  }
+
+  static std::vector<int> rows_of(const std::vector<Segment>& segments) {
+    std::vector<int> rows{segments.front().first};
+    for (const Segment& segment : segments) rows.push_back(segment.last);
+    return rows;
   }
 
   const LipTrack& track_;
   const KeyChoice& choice_;
   std::vector<std::optional<MouthKey>> keys_;
-  std::vector<int> rows_;
-  std::vector<Segment> segments_;  // between neighbouring rows
   MouthPoints points_;
 };
 

@@ -71,8 +71,8 @@ struct Plan {
 
   static Plan make(const MouthAnimationOptions& options) {
     validate(options.choice.controls);
-    const std::vector<Viseme> visemes =
-        options.visemes.empty() ? builtin_visemes() : read_visemes(options.visemes);
+    std::vector<Viseme> visemes;
+    if (!options.visemes.empty()) visemes = read_visemes(options.visemes);
     LipTrack read = read_lip_markers(options.markers);
     return naming(options.markers, [&] {
       LipTrack track = with_inner_contour(read);
@@ -84,6 +84,7 @@ struct Plan {
         still.push_back(
             make_key(track, find_frame(track, *options.still_frame), options.choice.neighbours));
       }
+      if (visemes.empty()) visemes = builtin_visemes();
       assign_depths(visemes, keys);
       assign_depths(visemes, still);
       MouthMotion motion(keys, options.choice.controls, options.choice.reference_px);

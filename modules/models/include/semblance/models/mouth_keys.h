@@ -41,10 +41,11 @@ struct KeyChoice {
 
 /// Rows of key frames, greedily: the first and the last complete frame; then again and again the
 /// segment with the largest squared error among those with a frame above the tolerance is split
-/// where what is left of its error is least, and the keys beside the new one move to where they now
-/// leave least. At most 32 evenly spread frames are tried for each place, so long tracks take time
-/// in proportion to their length. Throws InvalidInput with fewer than two complete frames or a
-/// wrong choice.
+/// where what is left of its error is least. Then every inner key moves to where it leaves least,
+/// in up to five rounds. As many evenly spread keys, moved in the same way, are taken instead where
+/// they are better. At most 32 evenly spread frames are tried for a place, so long tracks take time
+/// in proportion to their length. It is a good choice, not the best possible one. Throws
+/// InvalidInput with fewer than two complete frames or a wrong choice.
 std::vector<int> choose_keys(const LipTrack& track, const KeyChoice& choice);
 
 /// How far the motion is from the track in the frames between its keys.
