@@ -10,6 +10,7 @@
 #include "semblance/io/outline_io.h"
 #include "semblance/io/points.h"
 #include "semblance/io/track_file.h"
+#include "semblance/io/visemes.h"
 
 namespace semblance {
 
@@ -22,5 +23,6 @@ Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string
 Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
                                    const std::string& id);
 Track parse_track(std::string_view content, const std::string& source);
+std::vector<Viseme> parse_visemes(std::string_view content, const std::string& source);
 
 }  // namespace semblance

@@ -8,6 +8,7 @@ void add_sweep_commands(CLI::App& app, Context& context) {
   sweep->require_subcommand(1);
   add_sweep_surface_command(*sweep, context);
   add_sweep_blends_command(*sweep, context);
+  add_sweep_animate_command(*sweep, context);
 }
 
 }  // namespace semblance::cli
