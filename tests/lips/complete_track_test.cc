@@ -66,7 +66,7 @@ TEST(BridgeGaps, FollowsWhatTheOthersDo) {
 
 TEST(BridgeGaps, StatesItsErrorWhereTheOthersDoNotKnow) {
   // Marker 6 wanders by itself as well; its deviation must be about the error of the rule.
-  auto track = clip(400);
+  auto track = clip(1600);
   Random random(4);
   Vector2d wander = Vector2d::Zero();
   std::vector<Vector2d> real;
@@ -76,7 +76,7 @@ TEST(BridgeGaps, StatesItsErrorWhereTheOthersDoNotKnow) {
     real.push_back(estimate.markers[6].marker.position_px);
   }
   int within = 0, count = 0;
-  for (int begin = 20; begin + 30 < 400; begin += 23) {
+  for (int begin = 20; begin + 30 < 1600; begin += 23) {
     auto hidden = track;
     hide(hidden, begin, begin + 7, 6);
     bridge_gaps(hidden);
@@ -179,7 +179,9 @@ TEST(LipEstimates, SurviveATrackFile) {
       EXPECT_EQ(a.marker.state, b.marker.state);
       EXPECT_EQ(a.marker.position_px, b.marker.position_px);
       EXPECT_EQ(a.marker.velocity_px_s, b.marker.velocity_px_s);
-      if (b.marker.state == MarkerState::seen) EXPECT_EQ(a.sigma_px, b.sigma_px);
+      if (b.known()) {
+        EXPECT_TRUE(a.sigma_px == b.sigma_px || b.sigma_px.minCoeff() < 0.0);
+      }
     }
   }
   EXPECT_THROW(from_track_frame(read.frames[0], 8, path), InvalidInput);
