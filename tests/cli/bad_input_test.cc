@@ -239,5 +239,34 @@ TEST_F(BadInput, SuiteWithUnknownKey) {
   EXPECT_FALSE(fs::exists(path("clips")));
 }
 
+TEST_F(BadInput, LipsOfAFileThatIsNoVideo) {
+  write("notes.mp4", "These are notes, not pictures.\n");
+  for (const char* markers : {"16", "none"}) {
+    for (const char* name : {"notes.mp4", "absent.mp4"}) {
+      const ProgramResult result =
+          run_program({"track", "lips", path(name), "-o", path("out"), "--markers", markers});
+      EXPECT_EQ(result.exit_code, kBadInput);
+      EXPECT_THAT(result.output, HasSubstr(name));
+      EXPECT_FALSE(fs::exists(path("out")));
+    }
+  }
+}
+
+TEST_F(BadInput, LipsWithoutDots) {
+  write_wall(path("wall.mp4"), 4);
+  const ProgramResult result =
+      run_program({"track", "lips", path("wall.mp4"), "-o", path("out"), "--markers", "16"});
+  EXPECT_EQ(result.exit_code, kNotConverged);
+  EXPECT_THAT(result.output, AllOf(HasSubstr("wall.mp4"), HasSubstr("no markers found"),
+                                   HasSubstr("--markers none")));
+  EXPECT_FALSE(fs::exists(path("out")));
+  // What another run left in a folder is not this one's to remove.
+  fs::create_directory(path("out"));
+  write("out/notes.txt", "mine");
+  EXPECT_EQ(run_program({"track", "lips", path("wall.mp4"), "-o", path("out")}).exit_code,
+            kNotConverged);
+  EXPECT_THAT(results(), ::testing::ElementsAre("notes.txt"));
+}
+
 }  // namespace
 }  // namespace semblance::testing

@@ -50,6 +50,22 @@ TEST(Usage, UnknownOptimizerListsTheKnownOnes) {
   EXPECT_THAT(result.output, HasSubstr("cmaes"));
 }
 
+TEST(Usage, LipsHaveEightOrSixteenMarkersOrNone) {
+  const TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  for (const char* count : {"12", "0", "-8", "sixteen"}) {
+    const ProgramResult result =
+        run_program({"track", "lips", "clip.mp4", "-o", out, "--markers", count});
+    EXPECT_EQ(result.exit_code, 2) << count;
+    EXPECT_THAT(result.output, HasSubstr("none")) << count;
+  }
+  EXPECT_EQ(run_program({"track", "lips", "-o", out}).exit_code, 2);
+  EXPECT_EQ(run_program({"track", "lips", "clip.mp4"}).exit_code, 2);
+  EXPECT_EQ(
+      run_program({"track", "lips", "clip.mp4", "-o", out, "--velocity-frames", "0"}).exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
 TEST(Usage, ValuesOutOfRangeAreRefused) {
   EXPECT_EQ(run_program({"track", "face", "clip.mp4", "-o", "out", "--focal", "-5"}).exit_code, 2);
   EXPECT_EQ(run_program({"track", "face", "clip.mp4", "-o", "out", "--face", "-1"}).exit_code, 2);

@@ -286,7 +286,7 @@ std::vector<Spot> find_spots(const Image& linear_rgb, int most) {
   std::vector<Peak> peaks;
   double scale = 1.0;
   const double largest_px = linear_rgb.width / 25.0;
-  while (scale * 1.2 / kSigmaOfRadius < largest_px && std::min(picture.rows, picture.cols) > 8) {
+  while (scale * 0.85 / kSigmaOfRadius < largest_px && std::min(picture.rows, picture.cols) > 8) {
     for (const double sigma_px : {0.85, 1.2}) add_peaks(picture, sigma_px, scale, peaks);
     cv::Mat smaller;
     cv::resize(picture, smaller, {picture.cols / 2, picture.rows / 2}, 0, 0, cv::INTER_AREA);

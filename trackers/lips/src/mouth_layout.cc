@@ -17,6 +17,7 @@ constexpr std::array<std::array<int, 4>, 3> kColumns16{
 constexpr std::array<std::array<int, 2>, 3> kColumns8{{{1, 7}, {2, 6}, {3, 5}}};
 constexpr double kSteepest = 1.2;  // slope of the line through the corners: 50 degrees
 constexpr double kHighest = 1.6;   // of the mouth, in half widths
+constexpr double kFromLine = 0.3;  // of an inner corner from the line of the outer ones
 
 /// Coordinates in which the outer corners are (-1, 0) and (1, 0).
 class MouthFrame {
@@ -41,30 +42,56 @@ void sort_by(Indices& chosen, const std::vector<Vector2d>& points, int axis) {
                    [&](int a, int b) { return points[a][axis] < points[b][axis]; });
 }
 
-/// Fills a contour's places of the columns, of `rows` dots each; false where they do not stand so.
+/// Whether three dots of one row, from left to right, could lie on a lip.
+bool is_row(const Vector2d& left, const Vector2d& middle, const Vector2d& right) {
+  constexpr double kMostBend = 0.45, kMostTilt = 0.45;  // in half widths of the mouth
+  return std::abs(left.y() + right.y() - 2.0 * middle.y()) < kMostBend &&
+         std::abs(left.y() - right.y()) < kMostTilt;
+}
+
+/// Fills a contour's places of the columns, of `Rows` dots each; false where they do not stand so.
 template <std::size_t Rows>
 bool fill_columns(const std::array<std::array<int, Rows>, 3>& columns,
                   const std::vector<Vector2d>& points, Indices inner, double least_gap,
                   Indices& order) {
   sort_by(inner, points, 0);
-  std::array<double, 3> middle{};
+  std::array<double, 3> middle{}, spread{};
   for (std::size_t c = 0; c < 3; ++c) {
-    Indices column(inner.begin() + static_cast<std::ptrdiff_t>(c * Rows),
-                   inner.begin() + static_cast<std::ptrdiff_t>((c + 1) * Rows));
+    const auto first = inner.begin() + static_cast<std::ptrdiff_t>(c * Rows);
+    Indices column(first, first + static_cast<std::ptrdiff_t>(Rows));
     for (const int i : column) middle[c] += points[i].x() / Rows;
-    if (c > 0) {
-      const double gap = points[column.front()].x() - points[inner[c * Rows - 1]].x();
-      if (gap < 0.25 * (middle[c] - middle[c - 1])) return false;
-    }
+    spread[c] = points[column.back()].x() - points[column.front()].x();
     sort_by(column, points, 1);
     for (std::size_t r = 0; r < Rows; ++r) {
       if (r > 0 && points[column[r]].y() - points[column[r - 1]].y() < least_gap) return false;
       order[columns[c][r]] = column[r];
     }
-    if (points[column.back()].y() - points[column.front()].y() < 0.08) return false;
+  }
+  for (std::size_t r = 0; r < Rows; ++r) {
+    const auto at = [&](std::size_t c) -> const Vector2d& { return points[order[columns[c][r]]]; };
+    if (!is_row(at(0), at(1), at(2))) return false;
   }
   const double left = middle[1] - middle[0], right = middle[2] - middle[1];
-  return std::abs(middle[1]) < 0.3 && left < 2.5 * right && right < 2.5 * left;
+  const double widest = *std::max_element(spread.begin(), spread.end());
+  return std::abs(middle[1]) < 0.3 && left < 2.5 * right && right < 2.5 * left &&
+         widest < 0.7 * std::min(left, right);
+}
+
+/// The outer corners: of all pairs on a line that is not too steep, the two that are furthest
+/// apart.
+std::optional<std::pair<int, int>> corners_of(const std::vector<Vector2d>& points) {
+  std::optional<std::pair<int, int>> best;
+  double furthest = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (std::size_t j = 0; j < points.size(); ++j) {
+      const Vector2d way = points[j] - points[i];
+      if (!(way.x() > 0.0) || std::abs(way.y()) > kSteepest * way.x()) continue;
+      if (way.squaredNorm() <= furthest) continue;
+      furthest = way.squaredNorm();
+      best = {static_cast<int>(i), static_cast<int>(j)};
+    }
+  }
+  return best;
 }
 
 double median(std::vector<double> values) {
@@ -139,16 +166,15 @@ std::optional<std::vector<int>> order_markers(const std::vector<Eigen::Vector2d>
                                               double least_gap_px) {
   const std::size_t count = points_px.size();
   if (count != 8 && count != 16) return {};
-  Indices by_x(count);
-  std::iota(by_x.begin(), by_x.end(), 0);
-  sort_by(by_x, points_px, 0);
-  const Vector2d way = points_px[by_x.back()] - points_px[by_x.front()];
-  if (!(way.x() > 0.0) || std::abs(way.y()) > kSteepest * way.x()) return {};
-  const MouthFrame frame(points_px[by_x.front()], points_px[by_x.back()]);
+  const auto corners = corners_of(points_px);
+  if (!corners) return {};
+  const MouthFrame frame(points_px[corners->first], points_px[corners->second]);
   std::vector<Vector2d> points;
   for (const Vector2d& p : points_px) points.push_back(frame(p));
+  Indices by_x(count);
   std::iota(by_x.begin(), by_x.end(), 0);
   sort_by(by_x, points, 0);
+  if (by_x.front() != corners->first || by_x.back() != corners->second) return {};
   Indices order(count, -1), rest(by_x.begin() + 1, by_x.end() - 1);
   order[0] = by_x.front();
   order[4] = by_x.back();
@@ -158,6 +184,9 @@ std::optional<std::vector<int>> order_markers(const std::vector<Eigen::Vector2d>
                                                                    : std::nullopt;
   order[8] = rest.front();
   order[12] = rest.back();
+  if (std::max(std::abs(points[order[8]].y()), std::abs(points[order[12]].y())) > kFromLine) {
+    return {};
+  }
   rest = Indices(rest.begin() + 1, rest.end() - 1);
   if (!fill_columns(kColumns16, points, rest, least_gap, order)) return {};
   return order;
