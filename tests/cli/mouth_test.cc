@@ -186,7 +186,7 @@ TEST_F(Animate, RefusesBadInputAndLeavesNothing) {
   expect_refused({table, "--keys", "4,400"}, 3, "frame 400 is not in the table");
   expect_refused({table, "--keys", "4"}, 3, "at least two");
   expect_refused({table, "--keys", "4,9", "-n", "-1"}, 3, "blending parameter n");
-  expect_refused({table, "--keys", "4,9", "-m=-2"}, 3, "blending parameter m");
+  expect_refused({table, "--keys", "4,9", "-m", "-2"}, 3, "blending parameter m");
   expect_refused({table, "--keys", "4,9", "-p", "nan"}, 3, "blending parameter p");
   expect_refused({table, "--radial", "1,1,.5,1"}, 3, "radial alpha");
   expect_refused({table, "--fibres", ".6,.5"}, 3, "fibre proportions");

@@ -257,6 +257,9 @@ TEST(MouthKeys, RefuseWithAMessage) {
   LipTrack track = TalkingMouth{}.track(5, 25.0);
   EXPECT_THAT([&] { find_frame(track, 12); },
               ThrowsMessage<InvalidInput>(HasSubstr("frame 12 is not in the table, which has 5")));
+  track.frames[4].markers[6].velocity_px_s = {1e300, 0.0};
+  EXPECT_THAT([&] { make_key(track, 4, 0); },
+              ThrowsMessage<InvalidInput>(HasSubstr("frame 4: marker 6")));
   for (LipFrame& frame : track.frames) {
     if (frame.frame != 2) frame.markers[3].state = MarkerState::absent;
   }

@@ -1,6 +1,7 @@
 #include "mouth_painter.h"
 
 #include <gtest/gtest.h>
+#include <tiny_gltf.h>
 
 #include <cmath>
 
@@ -8,6 +9,7 @@
 #include "mouth_sheet.h"
 #include "semblance/core/errors.h"
 #include "semblance/pipeline/mouth_animation.h"
+#include "support.h"
 #include "talking_mouth.h"
 
 namespace semblance {
@@ -146,6 +148,32 @@ TEST(PictureSpace, ShowsEveryPointAtItsPixelWhateverItsDepth) {
   }
   // 30 pixels towards the camera are half a mouth's width, which is 51 mm.
   EXPECT_NEAR(world(1, 2) - world(0, 2), 0.0255, 1e-6);
+}
+
+TEST(MouthGlb, ShowsTheMotion) {
+  const LipTrack track = TalkingMouth{}.track(30, 25.0);
+  const MouthMotion motion({make_key(track, 2, 2), make_key(track, 9, 2)});
+  MouthPoints markers, points;
+  motion.at(motion.start_s(), markers);
+  const MouthWireframe wireframe(markers);
+  const PictureSpace space(width, height, 60.0);
+  const std::vector<double> times = animation_times(motion.start_s(), motion.end_s(), 25.0);
+  const testing::TemporaryFolder folder;
+  const std::string path = folder.path() / "mouth.glb";
+  write_mouth_glb(path, wireframe, motion, times, space, rgb8_from_linear(coordinates()));
+
+  tinygltf::Model model;
+  std::string errors, warnings;
+  ASSERT_TRUE(tinygltf::TinyGLTF().LoadBinaryFromFile(&model, &errors, &warnings, path)) << errors;
+  EXPECT_EQ(model.images.size(), 1u);
+  ASSERT_EQ(model.animations.size(), 1u);
+  const auto& primitive = model.meshes[0].primitives[0];
+  EXPECT_EQ(primitive.targets.size(), times.size());
+  // The lips' width in the file is that in the picture, on the scale of a mouth of 51 mm.
+  const auto& accessor = model.accessors[primitive.attributes.at("POSITION")];
+  wireframe.evaluate(markers, points);
+  const double span_px = points.col(0).maxCoeff() - points.col(0).minCoeff();
+  EXPECT_NEAR(accessor.maxValues[0] - accessor.minValues[0], 0.051 / 60.0 * span_px, 1e-6);
 }
 
 TEST(MouthSheet, StaysUnfoldedWhileTheMouthSpeaks) {

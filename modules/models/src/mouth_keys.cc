@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr int outer_count = 8, most_candidates = 32, most_rounds = 5;
-constexpr double corner_inset = 0.1;
+constexpr double corner_inset = 0.1, farthest_px = 1e6, fastest_px_s = 1e7;
 
 bool has_outer_contour(const LipFrame& frame) {
   return std::all_of(frame.markers.begin(), frame.markers.begin() + outer_count,
@@ -313,9 +313,16 @@ MouthKey make_key(const LipTrack& track, int row, int neighbours) {
                       "frame where all are there",
                       frame.frame, i));
     }
+    const Vector2d velocity =
+        neighbours > 0 ? slope(track, row, neighbours, i) : marker.velocity_px_s;
+    if (!(marker.position_px.norm() <= farthest_px && velocity.norm() <= fastest_px_s)) {
+      throw InvalidInput(fmt::format(
+          "frame {}: marker {} is at ({:g}, {:g}) and moves at {:g} pixels per second, which no "
+          "picture shows; correct it or choose other key frames",
+          frame.frame, i, marker.position_px.x(), marker.position_px.y(), velocity.norm()));
+    }
     key.position_px.push_back(marker.position_px);
-    key.velocity_px_s.push_back(neighbours > 0 ? slope(track, row, neighbours, i)
-                                               : marker.velocity_px_s);
+    key.velocity_px_s.push_back(velocity);
     key.depth_px.push_back(0.0);
   }
   return key;

@@ -16,6 +16,8 @@ namespace {
 constexpr std::array<int, Viseme::marker_count> ibug_of_marker{48, 50, 51, 52, 54, 56, 57, 58,
                                                                60, 61, 62, 63, 64, 65, 66, 67};
 
+constexpr double coarse_density = 0.5;  // enough for 16 points
+
 struct Articulation {
   const char* name;
   std::vector<std::pair<const char*, double>> values;
@@ -79,7 +81,7 @@ VisemeMatch match(const Viseme& viseme, const std::vector<Eigen::Vector2d>& mark
 }  // namespace
 
 std::vector<Viseme> builtin_visemes() {
-  const MorphShape shape = make_sweep_face();
+  const MorphShape shape = make_sweep_face({coarse_density});
   std::vector<Viseme> visemes;
   for (const Articulation& articulation : articulations()) {
     const PointsF positions = shape_positions(shape, parameter_values(shape, articulation));

@@ -64,7 +64,7 @@ Rgb8 MouthWireOverlay::paint(const Rgb8& source, const MouthPoints& markers,
   for (const int contour : {0, MouthWireframe::contour_count - 1}) {
     for (int marker = 0; marker < 8; ++marker) {
       cv::circle(picture, fixed_point(points_px_, wireframe_.index(contour, marker), scale_),
-                 static_cast<int>(std::lround(2.5 * unit * (1 << subpixel_bits))), marker_colour,
+                 static_cast<int>(std::lround(1.8 * unit * (1 << subpixel_bits))), marker_colour,
                  cv::FILLED, cv::LINE_AA, subpixel_bits);
     }
   }
