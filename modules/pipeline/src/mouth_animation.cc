@@ -10,6 +10,7 @@
 #include <memory>
 #include <set>
 
+#include "mouth_drawing.h"
 #include "mouth_files.h"
 #include "mouth_painter.h"
 #include "mouth_wire_overlay.h"
@@ -322,6 +323,9 @@ MouthAnimationSummary animate_mouth(const MouthAnimationOptions& options, Progre
   write_wireframe_json((folder / "wireframe.json").string(), plan.wireframe, plan.motion, plan.keys,
                        times_s);
   write_glb_of(plan, *stage, times_s, (folder / "mouth.glb").string());
+  write_paths_svg((folder / "paths.svg").string(), plan.keys, plan.motion,
+                  options.choice.reference_px);
+  write_wireframe_svg((folder / "wireframe.svg").string(), plan.wireframe, plan.motion);
 
   MouthAnimationSummary summary;
   for (const MouthKey& key : plan.keys) {
