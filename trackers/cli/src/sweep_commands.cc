@@ -1,4 +1,5 @@
 #include "commands.h"
+#include "sweep_reconstruct_command.h"
 
 namespace semblance::cli {
 
@@ -6,7 +7,7 @@ void add_sweep_commands(CLI::App& app, Context& context) {
   CLI::App* sweep =
       app.add_subcommand("sweep", "Homotopy sweeps: surfaces, scans, and mouths in motion");
   sweep->require_subcommand(1);
-  (void)context;
+  add_sweep_reconstruct_command(*sweep, context);
 }
 
 }  // namespace semblance::cli
