@@ -215,8 +215,8 @@ TEST(RadialSweep, CountsTheNumbersStored) {
   std::int64_t numbers = 0;
   for (const SweepPanel& panel : placed.panels) {
     const auto contours = static_cast<std::int64_t>(panel.rows.size());
-    // How many, radii, rows, rules, n.
-    numbers += 1 + panel.radius_m.size() + contours + contours + panel.blend.size();
+    // Whether its seam is closed; how many; radii, rows, rules, n.
+    numbers += 1 + 1 + panel.radius_m.size() + contours + contours + panel.blend.size();
   }
   EXPECT_EQ(placed.numbers_stored, numbers);
   EXPECT_LE(numbers, 200);
@@ -272,7 +272,7 @@ TEST(RadialSweep, FullMethodKeepsCreasesAndJumps) {
     return row < 29.5 ? 0.1 : row < 55.5 ? 0.2 + 0.001 * (row - 30) : 0.225 - 0.002 * (row - 55);
   });
   PlacedSweepOptions options;
-  options.numbers = 1 + 5 * (32 + 3);
+  options.numbers = 1 + 5 * (32 + 3);  // seam, how many, and one n fewer than contours
   const RadialSweep sweep = sweep_placed(map, options);
   EXPECT_THAT(sweep.panels[0].rows, ElementsAre(0, 29, 30, 55, 79));
   EXPECT_LT(largest_difference(sweep_radii(sweep), map.radius_m), 1e-6f);
@@ -295,6 +295,45 @@ TEST(RadialSweep, FullMethodBeatsSplinesOnLocalFeatures) {
   EXPECT_LT(full, 0.7 * radial_error(map, sweep_radii(spline)).mean_m);
   options.fit = false;
   EXPECT_LT(full, radial_error(map, sweep_radii(sweep_placed(map, options))).mean_m);
+}
+
+TEST(RadialSweep, ClosesSeamsWithoutMovingContours) {
+  // A bump on one side draws contours there.
+  const RangeMap map = make_map(60, 40, [](double h, double angle) {
+    return bumpy(h, angle) +
+           0.02 * std::exp(-std::pow((h - 0.15) / 0.04, 2) - 4 * std::pow(angle - 1, 2));
+  });
+  PlacedSweepOptions options;
+  options.panel_columns = 20;
+  options.numbers = 2 * (2 + 7 * (20 + 3) - 1);
+  RadialSweep sweep = sweep_placed(map, options);
+  sweep.closed_seams = {false, false};
+  const Grid open = sweep_radii(sweep);
+  sweep.closed_seams = {true, false};
+  const Grid closed = sweep_radii(sweep);
+  const auto gap = [&](const Grid& radii, Index row) {
+    return radii(row, 20) - radii(row, 19) -
+           0.5f * (radii(row, 19) - radii(row, 18) + radii(row, 21) - radii(row, 20));
+  };
+  int moved = 0;
+  for (Index row = 0; row < 60; ++row) {
+    for (const SweepPanel& panel : sweep.panels) {
+      if (std::find(panel.rows.begin(), panel.rows.end(), row) == panel.rows.end()) continue;
+      const Index first = panel.first_column;
+      EXPECT_LT(largest_difference(closed.row(row).segment(first, 20),
+                                   map.radius_m.row(row).segment(first, 20)),
+                1e-8f);
+    }
+    if (std::abs(closed(row, 19) - open(row, 19)) + std::abs(closed(row, 20) - open(row, 20)) >
+        1e-6f) {
+      ++moved;
+      // All of the step goes but what the fading over ten columns brings in beside the seam.
+      EXPECT_LT(std::abs(gap(closed, row)), 0.11f * std::abs(gap(open, row)) + 1e-7f) << row;
+    }
+  }
+  EXPECT_GT(moved, 20);
+  EXPECT_EQ(largest_difference(closed.leftCols(10), open.leftCols(10)), 0.0f);
+  EXPECT_EQ(largest_difference(closed.rightCols(10), open.rightCols(10)), 0.0f);
 }
 
 TEST(RadialSweep, ErrorIsOverMeasuredSamples) {
@@ -326,7 +365,7 @@ TEST(RadialSweep, RejectsWhatCannotBeSwept) {
   EXPECT_THROW(measured({0, 19}, std::numeric_limits<double>::infinity()), InvalidInput);
   PlacedSweepOptions options;
   options.panel_columns = 4;
-  options.numbers = 2 * 14 - 1;  // two panels of two contours: 4 radii, row, rule, n; their number
+  options.numbers = 2 * 15 - 1;  // less than two panels of two contours take
   EXPECT_THAT([&] { sweep_placed(map, options); },
               ThrowsMessage<InvalidInput>(HasSubstr("raise the budget")));
   options.panel_columns = 0;

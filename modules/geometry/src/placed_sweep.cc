@@ -66,6 +66,7 @@ using Rows = std::vector<std::vector<int>>;
 std::int64_t all_numbers(const std::vector<PanelPlan>& plans, const Rows& rows, bool fit) {
   std::int64_t sum = 0;
   for (std::size_t i = 0; i < plans.size(); ++i) {
+    if (fit) ++sum;  // its seam
     sum += panel_numbers(static_cast<std::int64_t>(rows[i].size()), plans[i].truth.radius_m.cols(),
                          fit);
   }
@@ -166,6 +167,28 @@ void fit_panel(SweepPanel& panel, const PanelTruth& truth, double spacing_m) {
   }
 }
 
+double absolute_error(const RangeMap& map, const Grid& radii) {
+  return ((radii - map.radius_m).abs() * (map.samples == RangeSample::measured).cast<float>())
+      .cast<double>()
+      .sum();
+}
+
+/// Closes the seams that lower the sum of absolute errors.
+void choose_seams(const RangeMap& map, RadialSweep& sweep) {
+  Grid radii = sweep_radii(sweep);
+  sweep.closed_seams.assign(sweep.panels.size(), false);
+  double error = absolute_error(map, radii);
+  for (std::size_t seam = 0; seam < sweep.panels.size(); ++seam) {
+    Grid closed = radii;
+    close_seam(sweep, seam, closed);
+    const double closed_error = absolute_error(map, closed);
+    if (!(closed_error < error)) continue;
+    sweep.closed_seams[seam] = true;
+    error = closed_error;
+    radii = std::move(closed);
+  }
+}
+
 /// Longer segments are not looked at: several times the mean spacing that the limit allows.
 int longest_segment(const RangeMap& map, const PlacedSweepOptions& options) {
   constexpr std::int64_t times = 5, least = 64;
@@ -204,6 +227,7 @@ RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options)
     sweep.panels[i] = make_panel(plans[i].truth, plans[i].first_column, rows[i]);
     if (options.fit) fit_panel(sweep.panels[i], plans[i].truth, map.spacing_m);
   });
+  if (options.fit) choose_seams(map, sweep);
   return sweep;
 }
 

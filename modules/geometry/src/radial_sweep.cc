@@ -124,12 +124,18 @@ void validate(const RadialSweep& sweep) {
     column += panel.radius_m.cols();
   }
   if (column != sweep.column_count) fail("the panels must cover all columns");
+  if (!sweep.closed_seams.empty() && sweep.closed_seams.size() != sweep.panels.size()) {
+    fail("there must be as many seams as panels");
+  }
 }
 
 Grid sweep_radii(const RadialSweep& sweep) {
   validate(sweep);
   Grid radii(sweep.row_count, sweep.column_count);
   for (const SweepPanel& panel : sweep.panels) sweep_panel(sweep, panel, radii);
+  for (std::size_t seam = 0; seam < sweep.closed_seams.size(); ++seam) {
+    if (sweep.closed_seams[seam]) close_seam(sweep, seam, radii);
+  }
   return radii;
 }
 

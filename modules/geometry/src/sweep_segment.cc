@@ -28,6 +28,19 @@ void set_crease(const SweepPanel& panel, double spacing_m, Index joint, JointSlo
   slopes.below.row(joint) = chord(std::max<Index>(joint - 1, 0));
 }
 
+/// Per row, the product of the distances to the contours below and above: what their error grows
+/// with.
+std::vector<float> freedom(const SweepPanel& panel, int row_count) {
+  std::vector<float> list(static_cast<std::size_t>(row_count), 0.0f);
+  for (std::size_t i = 0; i + 1 < panel.rows.size(); ++i) {
+    for (int row = panel.rows[i]; row < panel.rows[i + 1]; ++row) {
+      list[static_cast<std::size_t>(row)] =
+          static_cast<float>((row - panel.rows[i]) * (panel.rows[i + 1] - row));
+    }
+  }
+  return list;
+}
+
 }  // namespace
 
 JointSlopes joint_slopes(const SweepPanel& panel, double spacing_m) {
@@ -121,6 +134,33 @@ RowF fit_segment_blend(const SweepSegment& segment, const PanelTruth& truth, Ble
     }
   }
   return best_log.exp() - 1.0f;
+}
+
+void close_seam(const RadialSweep& sweep, std::size_t seam, Grid& radii) {
+  const SweepPanel& left = sweep.panels[seam];
+  const SweepPanel& right = sweep.panels[(seam + 1) % sweep.panels.size()];
+  const Index left_columns = left.radius_m.cols(), right_columns = right.radius_m.cols();
+  if (sweep.panels.size() < 2 || left_columns < 2 || right_columns < 2) return;
+  const Index l = left.first_column + left_columns - 1, r = right.first_column;
+  const auto left_freedom = freedom(left, sweep.row_count),
+             right_freedom = freedom(right, sweep.row_count);
+  // 1 at the seam, 0 from the middle of a panel on.
+  const auto fading = [](Index columns) {
+    const Index reach = columns / 2;
+    return RowF(1.0f - RowF::LinSpaced(reach, 0.0f, static_cast<float>(reach - 1)) /
+                           static_cast<float>(reach));
+  };
+  const RowF left_fading = fading(left_columns).reverse(), right_fading = fading(right_columns);
+  for (Index row = 0; row < radii.rows(); ++row) {
+    const float a = left_freedom[static_cast<std::size_t>(row)],
+                b = right_freedom[static_cast<std::size_t>(row)];
+    if (a + b == 0.0f) continue;
+    auto line = radii.row(row);
+    // The step across the seam beyond the mean of the steps beside it.
+    const float gap = line[r] - line[l] - 0.5f * (line[l] - line[l - 1] + line[r + 1] - line[r]);
+    line.segment(l + 1 - left_fading.size(), left_fading.size()) += gap * a / (a + b) * left_fading;
+    line.segment(r, right_fading.size()) -= gap * b / (a + b) * right_fading;
+  }
 }
 
 }  // namespace semblance

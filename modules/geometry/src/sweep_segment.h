@@ -1,6 +1,7 @@
-// One pair of contours of a panel: what evaluation and fitting share.
+// Pairs of contours, and seams between panels: what evaluation and fitting share.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "semblance/geometry/radial_sweep.h"
@@ -43,5 +44,8 @@ RowF segment_errors(const SweepSegment& segment, const PanelTruth& truth, const 
 /// The n of a segment, per column, that make the sum of the errors smallest.
 RowF fit_segment_blend(const SweepSegment& segment, const PanelTruth& truth, BlendShare share,
                        ErrorNorm norm);
+
+/// Closes the seam between panel `seam` and the next one; no effect unless both have two columns.
+void close_seam(const RadialSweep& sweep, std::size_t seam, Grid& radii);
 
 }  // namespace semblance

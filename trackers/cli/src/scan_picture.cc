@@ -24,8 +24,8 @@ Mesh centred_mesh(RangeMap map) {
 }
 
 Image shaded_view(const std::shared_ptr<const Mesh>& mesh, double yaw_rad, int size_px) {
-  constexpr double distance_in_radii = 8.0;
-  const double radius_m = mesh->positions_m.rowwise().norm().maxCoeff();
+  constexpr double distance_in_extents = 10.0;
+  const double extent_m = mesh->positions_m.cwiseAbs().maxCoeff();
   const Eigen::Matrix3d turn =
       Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitY()).toRotationMatrix();
   Scene scene;
@@ -39,8 +39,8 @@ Image shaded_view(const std::shared_ptr<const Mesh>& mesh, double yaw_rad, int s
   RayTraceOptions options;
   options.samples_per_pixel = 9;
   options.lamp = DirectionalLight{{-0.7, 0.7, 0.9}, Eigen::Vector3f::Constant(0.9f)};
-  Camera camera = Camera::centred(size_px, size_px, 0.46 * size_px * distance_in_radii);
-  camera.camera_from_world.translation_m.z() += distance_in_radii * radius_m;
+  Camera camera = Camera::centred(size_px, size_px, 0.44 * size_px * distance_in_extents);
+  camera.camera_from_world.translation_m.z() += distance_in_extents * extent_m;
   return ray_trace(scene, camera, Channel::colour, options).colour;
 }
 

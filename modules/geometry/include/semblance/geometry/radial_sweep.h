@@ -48,8 +48,13 @@ struct RadialSweep {
   int row_count = 0, column_count = 0;
   double spacing_m = 0.0;
   std::vector<SweepPanel> panels;
+  /// Whether the seam between a panel and the next one, around the axis, is closed; empty: none is.
+  /// What both sides miss there moves them towards each other, most at the seam and nothing from
+  /// the panels' middles on, shared by how far either side is from its own contours.
+  std::vector<bool> closed_seams;
   /// Numbers that have to be kept to sweep again, beyond sizes: radii; measured slopes (once where
-  /// both sides agree); rows unless equally spaced; rules and n where they were chosen.
+  /// both sides agree); rows unless equally spaced; rules, n and closed seams where they were
+  /// chosen.
   std::int64_t numbers_stored = 0;
 
   /// Contours in the mean over the columns.
@@ -95,7 +100,7 @@ void fit_blend(RadialSweep& sweep, const RangeMap& map, BlendShare share);
 struct PlacedSweepOptions {
   std::int64_t numbers = 0;  // upper limit on RadialSweep::numbers_stored
   int panel_columns = 32;    // of each panel, but for the last one where they do not divide
-  bool fit = true;           // choose tangent rules and n; else Akima's rule and n = 0
+  bool fit = true;           // choose tangents, n and seams; else Akima's rule, n = 0, none closed
 };
 
 /// The full method. Contours are placed, panel by panel, where they lower the sum of absolute
