@@ -99,6 +99,23 @@ TEST_F(SweepReconstruct, ComparesAtEqualNumbers) {
   }
 }
 
+TEST_F(SweepReconstruct, LeavesVoidWhatOvershootsTheAxis) {
+  // The slope across a step, carried on below it, leads beyond the axis.
+  RangeMap step = make_vase();
+  step.radius_m.topRows(25).setConstant(0.02f);
+  step.radius_m.bottomRows(23).setConstant(0.5f);
+  write_range_map(path("step.json"), step, RangeEncoding::exr);
+  const ProgramResult run = sweep({"reconstruct", path("step.json"), "--method", "averaged",
+                                   "--every", "24", "--form", "double", "--format", "exr"});
+  ASSERT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("beyond the axis"));
+  const Grid radii = sweep_radii(sweep_measured(step, rows_every(48, 24), MeasuredTangent::averaged,
+                                                SweepForm::double_scaling));
+  const RangeMap swept = read_range_map(path("out/range_map.json"));
+  EXPECT_TRUE(((swept.samples == RangeSample::none) == (radii <= 0.0f)).all());
+  EXPECT_EQ(read_ply(path("out/reconstruction.ply")).vertex_count(), (radii > 0.0f).count());
+}
+
 TEST_F(SweepReconstruct, RefusesWhatItCannotUse) {
   expect_failure({"reconstruct", path("vase.json"), "--every", "48"}, kBadInput, "fewer than two");
   expect_failure({"reconstruct", path("vase.json"), "--every", "0"}, kBadInput, "between 1 and 47");

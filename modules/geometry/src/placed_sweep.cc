@@ -167,6 +167,14 @@ void fit_panel(SweepPanel& panel, const PanelTruth& truth, double spacing_m) {
   }
 }
 
+/// Filled samples count a little, so that what is swept through voids stays near the filling.
+PanelTruth placing_truth(const RangeMap& map, int first_column, int width) {
+  constexpr float filled_weight = 0.1f;
+  PanelTruth truth = panel_truth(map, first_column, width);
+  truth.weight += filled_weight * (1.0f - truth.weight);
+  return truth;
+}
+
 double absolute_error(const RangeMap& map, const Grid& radii) {
   return ((radii - map.radius_m).abs() * (map.samples == RangeSample::measured).cast<float>())
       .cast<double>()
@@ -210,7 +218,7 @@ RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options)
   std::vector<PanelPlan> plans;
   for (int first = 0; first < columns; first += options.panel_columns) {
     const int width = std::min(options.panel_columns, columns - first);
-    plans.push_back({first, panel_truth(map, first, width)});
+    plans.push_back({first, placing_truth(map, first, width)});
   }
   parallel_for(plans.size(), [&](std::size_t i) {
     plans[i].costs = segment_costs(plans[i].truth, map.spacing_m, longest);

@@ -154,6 +154,14 @@ RadialSweep make_sweep(const RangeMap& map, const ReconstructChoice& choice) {
   return sweep;
 }
 
+/// The map with swept radii. A path that overshoots beyond the axis leaves a void sample.
+RangeMap with_radii(RangeMap map, const Grid& radius_m) {
+  const auto usable = radius_m > 0.0f;
+  map.radius_m = usable.select(radius_m, 0.0f);
+  map.samples = usable.select(map.samples, RangeSample::none);
+  return map;
+}
+
 ordered_json error_json(const RadialError& error) {
   return {{"mean_m", error.mean_m},
           {"rms_m", error.rms_m},
@@ -185,11 +193,11 @@ void run_reconstruct(const Context& context, const ReconstructChoice& choice) {
 
   const RadialSweep sweep = make_sweep(map, choice);
   const auto start = std::chrono::steady_clock::now();
-  RangeMap swept = map;
-  swept.radius_m = sweep_radii(sweep);
+  const Grid radii = sweep_radii(sweep);
   const double restore_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const RadialError error = radial_error(map, swept.radius_m);
+  const RangeMap swept = with_radii(map, radii);
+  const RadialError error = radial_error(map, radii);
   const double mean_m = mean_radius_m(map);
   std::vector<StoredScan> comparison;
   if (choice.compare) comparison = compare_stored_scans(map, mesh, choice.compare_budgets);
@@ -199,7 +207,7 @@ void run_reconstruct(const Context& context, const ReconstructChoice& choice) {
   write_ply((folder / "reconstruction.ply").string(), mesh_from_range_map(swept));
   write_range_map((folder / "range_map.json").string(), swept, choice.encoding);
   write_image((folder / "errors.png").string(),
-              error_picture(map, swept.radius_m, 1e-3 * choice.error_scale_mm));
+              error_picture(map, radii, 1e-3 * choice.error_scale_mm));
   constexpr int picture_height_px = 600;
   if (!choice.picture.empty()) {
     write_image(choice.picture, shaded_views(swept, picture_height_px));
@@ -216,6 +224,8 @@ void run_reconstruct(const Context& context, const ReconstructChoice& choice) {
       100.0 * static_cast<double>(sweep.numbers_stored) / static_cast<double>(map.radius_m.size()),
       1e3 * error.mean_m, 100.0 * error.mean_m / mean_m, 1e3 * error.percentile95_m,
       1e3 * error.largest_m, 1e3 * restore_s);
+  const Eigen::Index lost = count(swept, RangeSample::none);
+  if (lost > 0) fmt::print("{} samples came out beyond the axis and are void\n", lost);
   if (choice.compare) fmt::print("\n{}", comparison_table(comparison));
   ordered_json summary{
       {"mean_radius_m", mean_m},           {"filled_samples", count(map, RangeSample::filled)},

@@ -103,11 +103,11 @@ struct PlacedSweepOptions {
   bool fit = true;           // choose tangents, n and seams; else Akima's rule, n = 0, none closed
 };
 
-/// The full method. Contours are placed, panel by panel, where they lower the sum of absolute
-/// errors most per number: dynamic programming over the segments' errors with tangents measured on
-/// the map, under one price per number for all panels, which is raised until the limit is met. Then
-/// every joint gets the rule for its tangents, and every segment the n, that leave the smallest sum
-/// of absolute errors. Throws InvalidInput if the limit is too small for two contours.
+/// The full method. Dynamic programming places contours, panel by panel, where they lower the sum
+/// of absolute errors most per number (filled samples count a tenth), with tangents measured on the
+/// map and one price per contour for all panels, such that the limit is kept. Then every joint's
+/// rule, every segment's n and the seams to close are chosen in turn for the smallest sum. Throws
+/// InvalidInput if the limit is too small for two contours per panel.
 RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options);
 
 /// Radial errors over the measured samples.
