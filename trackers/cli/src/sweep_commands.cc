@@ -1,4 +1,5 @@
 #include "commands.h"
+#include "sweep_reconstruct_command.h"
 
 namespace semblance::cli {
 
@@ -9,6 +10,7 @@ void add_sweep_commands(CLI::App& app, Context& context) {
   add_sweep_surface_command(*sweep, context);
   add_sweep_blends_command(*sweep, context);
   add_sweep_animate_command(*sweep, context);
+  add_sweep_reconstruct_command(*sweep, context);
 }
 
 }  // namespace semblance::cli
