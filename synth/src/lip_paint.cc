@@ -55,7 +55,7 @@ LipPaint::LipPaint(const MarkerSpec& spec, const NeutralLandmarks& landmarks, co
   const Vector3f middle = 0.5f * (landmarks[62] + landmarks[66]);
   std::vector<Dot> inner;
   for (std::size_t i = 0; i < kOuter.size(); ++i) {
-    const Vector3f in = landmarks[kInner[i]], out = landmarks[kOuter[i]];
+    const Vector3f &in = landmarks[kInner[i]], &out = landmarks[kOuter[i]];
     const bool corner = i == 0 || i == 4;
     const Vector3f way = out - in, outward = (way + 0.25f * (out - middle)).normalized();
     // A dot across the corner would be torn by an opening mouth: it goes beside it.

@@ -75,5 +75,15 @@ TEST_F(SuiteTest, ProblemsNameFileAndKey) {
   EXPECT_THAT(complaint("{\"schema\":"), HasSubstr("suite.json"));
 }
 
+TEST_F(SuiteTest, LipMarkersAreEightOrSixteenOrNone) {
+  EXPECT_THAT(complaint(std::string(kHead) + R"("clips":[{"markers":{"count":12}}]})"),
+              HasSubstr("markers.count: expected 0, 8 or 16"));
+  const SynthSuite suite =
+      read(std::string(kHead) + R"("clips":[{"markers":{"count":8,"blue":0.5}},{"name":"bare"}]})");
+  EXPECT_EQ(suite.clips[0].markers.count, 8);
+  EXPECT_EQ(suite.clips[0].markers.blue, 0.5);
+  EXPECT_EQ(suite.clips[1].markers.count, 0);
+}
+
 }  // namespace
 }  // namespace semblance

@@ -11,6 +11,7 @@
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/io/camera_io.h"
+#include "semblance/io/lip_markers.h"
 #include "semblance/io/track_file.h"
 #include "semblance/io/video.h"
 #include "semblance/models/face.h"
@@ -202,6 +203,42 @@ TEST(MotionTest, EyesShutInABlinkAndTheMouthMovesAtSpeechTempo) {
   EXPECT_GE(most_shut, 0.8);
   EXPECT_GE(peaks, 15);  // ten seconds at 4 syllables/s, less the pauses
   EXPECT_LE(peaks, 60);
+}
+
+TEST(GenerateTest, LipMarkersAreInThePictureWhereTheTruthSaysSo) {
+  testing::TemporaryFolder folder;
+  FaceClipSpec spec = small_spec();
+  spec.frames = 3;
+  spec.focal_px = 700;
+  spec.motion.height_m = 0.07;
+  spec.motion.yaw_deg = 5;
+  spec.sensor.samples = 4;
+  spec.markers.count = 16;
+  spec.markers.red = 0.0, spec.markers.green = 0.0, spec.markers.blue = 1.0;
+  const ClipFiles files = generate_clip(spec, (folder.path() / "clip").string());
+  const LipTrack truth = read_lip_markers((folder.path() / "clip/lips.csv").string());
+  ASSERT_EQ(truth.marker_count, 16);
+  ASSERT_EQ(truth.frames.size(), 3u);
+  VideoSource video(files.video);
+  Rgb8 picture;
+  int looked = 0;
+  for (const LipFrame& frame : truth.frames) {
+    ASSERT_TRUE(video.next(picture));
+    const auto bluer = [&](const Eigen::Vector2d& p) {
+      const std::size_t pixel =
+          static_cast<std::size_t>(p.y()) * picture.width + static_cast<std::size_t>(p.x());
+      return picture.data[3 * pixel + 2] > picture.data[3 * pixel];
+    };
+    for (const LipMarker& marker : frame.markers) {
+      if (marker.state != MarkerState::seen) continue;
+      EXPECT_TRUE(bluer(marker.position_px)) << marker.position_px.transpose();
+      ++looked;
+    }
+    // Between the columns there is lip or skin.
+    EXPECT_FALSE(bluer(0.5 * (frame.markers[5].position_px + frame.markers[6].position_px)));
+    EXPECT_FALSE(bluer(0.5 * (frame.markers[9].position_px + frame.markers[10].position_px)));
+  }
+  EXPECT_GT(looked, 36);
 }
 
 }  // namespace

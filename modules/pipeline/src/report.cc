@@ -437,7 +437,9 @@ class Page {
   }
 
   void pictures() {
-    sheet("Worst frames", "Highest residual first, at most one per ten frames; cut to the head.",
+    sheet("Worst frames",
+          columns_.empty() ? "Highest residual first, at most one per ten frames."
+                           : "Highest residual first, at most one per ten frames; cut to the head.",
           input_.pictures.worst());
     sheet("Lost and found", "The first frames where tracking was lost or began anew.",
           input_.pictures.changes());

@@ -151,7 +151,7 @@ void LipPainter::follow_mouth(const LipEstimate& estimate) {
 }
 
 void LipPainter::paint_inset(const Rgb8& source, const LipEstimate& estimate, Rgb8& picture) const {
-  constexpr double kWidthShare = 0.44, kAspect = 0.66, kMargin = 1.5, kLeastGain = 1.3;
+  constexpr double kWidthShare = 0.4, kAspect = 0.8, kMargin = 1.5, kLeastGain = 1.3;
   cv::Mat whole = view_of(picture);
   const double unit = overlay_unit(picture.width);
   const cv::Size size(static_cast<int>(kWidthShare * whole.cols),
