@@ -6,6 +6,7 @@
 
 #include "noise.h"
 #include "semblance/core/errors.h"
+#include "semblance/models/lip_points.h"
 
 namespace semblance {
 namespace {
@@ -14,9 +15,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-// Landmarks (iBUG) of the markers, as trackers read them off a face without dots.
-constexpr std::array<int, 8> kOuter = {48, 50, 51, 52, 54, 56, 57, 58};
-constexpr std::array<int, 8> kInner = {60, 61, 62, 63, 64, 65, 66, 67};
 constexpr float kInnerShare = 0.35f;     // of the way from the inner to the outer border
 constexpr float kLeastDiameters = 2.0f;  // between an outer dot and its inner neighbour
 constexpr float kRimM = 0.0001f;         // half width of a dot's soft edge
@@ -54,8 +52,8 @@ LipPaint::LipPaint(const MarkerSpec& spec, const NeutralLandmarks& landmarks, co
   if (spec.count == 0) return;
   const Vector3f middle = 0.5f * (landmarks[62] + landmarks[66]);
   std::vector<Dot> inner;
-  for (std::size_t i = 0; i < kOuter.size(); ++i) {
-    const Vector3f &in = landmarks[kInner[i]], &out = landmarks[kOuter[i]];
+  for (int i = 0; i < 8; ++i) {
+    const Vector3f in = lip_point(landmarks, 8 + i), out = lip_point(landmarks, i);
     const bool corner = i == 0 || i == 4;
     const Vector3f way = out - in, outward = (way + 0.25f * (out - middle)).normalized();
     // A dot across the corner would be torn by an opening mouth: it goes beside it.

@@ -86,13 +86,22 @@ int frame_count(const std::string& path) {
   return count;
 }
 
+int occurrences(const std::string& text, const std::string& word) {
+  int count = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
+    ++count;
+  }
+  return count;
+}
+
 TEST_F(Animate, WritesPicturesMarkersWireframeAndGltf) {
   const std::string table = write_track(), video = write_video();
   const ProgramResult result =
       animate({table, "--video", video, "--keys", "2,9,14,27", "--json", path("summary.json")});
   ASSERT_EQ(result.exit_code, 0) << result.output;
-  EXPECT_THAT(results(), UnorderedElementsAre("animation.mp4", "wireframe.mp4", "animation.csv",
-                                              "wireframe.json", "mouth.glb"));
+  EXPECT_THAT(results(),
+              UnorderedElementsAre("animation.mp4", "wireframe.mp4", "animation.csv",
+                                   "wireframe.json", "mouth.glb", "paths.svg", "wireframe.svg"));
   EXPECT_EQ(frame_count(path("out/animation.mp4")), 26);
   EXPECT_EQ(frame_count(path("out/wireframe.mp4")), 26);
 
@@ -112,6 +121,9 @@ TEST_F(Animate, WritesPicturesMarkersWireframeAndGltf) {
   EXPECT_EQ(wireframe["frames"][0]["points_px"].size(), 160u);
   EXPECT_EQ(wireframe["triangles"].size(), 240u);
   EXPECT_EQ(wireframe["keys"].size(), 4u);
+  // Markers of both key frames, O and M; all points of the wireframe.
+  EXPECT_EQ(occurrences(file_bytes(path("out/paths.svg")), "<circle"), 2 * 16 + 2);
+  EXPECT_EQ(occurrences(file_bytes(path("out/wireframe.svg")), "<circle"), 160);
   const nlohmann::json summary = read_json_file(path("summary.json"));
   EXPECT_EQ(summary["frames"], 26);
   EXPECT_EQ(summary["compared_frames"], 22);
@@ -170,8 +182,8 @@ TEST_F(Animate, SameInputSameBytes) {
     ASSERT_EQ(animate({table, "--video", video, "--keys", "2,9", "--threads", threads}).exit_code,
               0);
     std::vector<std::string> bytes;
-    for (const char* name :
-         {"animation.mp4", "wireframe.mp4", "animation.csv", "wireframe.json", "mouth.glb"}) {
+    for (const char* name : {"animation.mp4", "wireframe.mp4", "animation.csv", "wireframe.json",
+                             "mouth.glb", "paths.svg", "wireframe.svg"}) {
       bytes.push_back(file_bytes(path(std::string("out/") + name)));
     }
     if (first.empty()) first = bytes;

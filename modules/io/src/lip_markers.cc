@@ -104,9 +104,10 @@ LipTrack parse_lip_markers(std::string_view content, const std::string& source) 
     if (!track.frames.empty()) {
       const LipFrame& last = track.frames.back();
       if (!(frame.time_s > last.time_s) || frame.frame <= last.frame) {
-        fail(fmt::format("frame {} at {} s does not come after frame {} at {} s; sort the lines "
-                         "by time and leave out repeated ones",
-                         frame.frame, frame.time_s, last.frame, last.time_s));
+        fail(
+            fmt::format("frame {} at {} s does not come after frame {} at {} s; sort the lines "
+                        "by time and leave out repeated ones",
+                        frame.frame, frame.time_s, last.frame, last.time_s));
       }
     }
     if (track.frames.size() == most_frames) fail("too many frames");

@@ -1,6 +1,5 @@
 #include "semblance/models/mouth_visemes.h"
 
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -8,13 +7,10 @@
 #include "semblance/core/errors.h"
 #include "semblance/geometry/similarity.h"
 #include "semblance/models/face.h"
+#include "semblance/models/lip_points.h"
 
 namespace semblance {
 namespace {
-
-/// The landmarks of the iBUG scheme that are our 16 markers.
-constexpr std::array<int, Viseme::marker_count> ibug_of_marker{48, 50, 51, 52, 54, 56, 57, 58,
-                                                               60, 61, 62, 63, 64, 65, 66, 67};
 
 constexpr double coarse_density = 0.5;  // enough for 16 points
 
@@ -86,8 +82,12 @@ std::vector<Viseme> builtin_visemes() {
   for (const Articulation& articulation : articulations()) {
     const PointsF positions = shape_positions(shape, parameter_values(shape, articulation));
     Viseme viseme{articulation.name, {}};
-    for (const int ibug : ibug_of_marker) {
-      viseme.markers_m.push_back(landmark_in(positions, shape, ibug));
+    std::vector<Eigen::Vector3d> landmarks;
+    for (int ibug = 0; ibug < 68; ++ibug) {
+      landmarks.push_back(landmark_in(positions, shape, ibug));
+    }
+    for (int i = 0; i < Viseme::marker_count; ++i) {
+      viseme.markers_m.push_back(lip_point(landmarks, i));
     }
     visemes.push_back(std::move(viseme));
   }

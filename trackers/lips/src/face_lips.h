@@ -8,8 +8,8 @@
 
 namespace semblance {
 
-/// The 16 markers' places on the lips of a track of kind "face", from its 68 landmarks (iBUG order:
-/// outer 48, 50, 51, 52, 54, 56, 57, 58, inner 60 to 67). All are "seen" where the face is tracked;
+/// The 16 markers' places on the lips of a track of kind "face", from its 68 landmarks
+/// (models/lip_points.h). All are "seen" where the face is tracked;
 /// the confidence is the frame's share of trusted pixels. They have no deviations: a face's are
 /// stated per parameter, without the correlations that a point's would need. Throws InvalidInput
 /// naming `source` unless the track has 68 landmarks.

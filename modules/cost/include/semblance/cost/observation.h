@@ -28,7 +28,8 @@ struct Observation {
   std::vector<ObservationLevel> levels;
 };
 
-/// A count of 0 keeps the image alone. Throws InvalidInput unless it has 3 channels and 8 x 8 pixels.
+/// A count of 0 keeps the image alone. Throws InvalidInput unless it has 3 channels and 8 x 8
+/// pixels.
 Observation make_observation(Image linear_rgb, int level_count);
 
 }  // namespace semblance

@@ -25,16 +25,16 @@ struct LipFrame {
   std::vector<LipMarker> markers;
 };
 
-/// Markers 0 to 7 lie on the outer contour, 8 to 15 on the inner one (16 markers only). Each contour
-/// starts at the corner of the mouth that is left in the picture and runs clockwise as seen: over the
-/// upper lip to the other corner (4, 12) and back under the lower lip.
+/// Markers 0 to 7 lie on the outer contour, 8 to 15 on the inner one (16 markers only). Each
+/// contour starts at the corner of the mouth that is left in the picture and runs clockwise as
+/// seen: over the upper lip to the other corner (4, 12) and back under the lower lip.
 struct LipTrack {
   int marker_count = 0;  // 8 or 16
   std::vector<LipFrame> frames;
 };
 
-/// Throws InvalidInput naming file and line: unknown columns, other than 8 or 16 markers, values that
-/// are not finite, times that do not increase, or no frame at all.
+/// Throws InvalidInput naming file and line: unknown columns, other than 8 or 16 markers, values
+/// that are not finite, times that do not increase, or no frame at all.
 LipTrack read_lip_markers(const std::string& path);
 void write_lip_markers(const std::string& path, const LipTrack& track);
 

@@ -48,9 +48,10 @@ struct MouthAnimationSummary {
 };
 
 /// Reads, chooses keys and writes animation.mp4, wireframe.mp4 (the same with lines drawn over it),
-/// animation.csv (markers, in the format of lips.csv), wireframe.json, mouth.glb, and drawings of the
-/// paths and the wireframe (paths.svg, wireframe.svg) into the folder. The first and the last frame are the first and the last key; the times between are even,
-/// at the rate that is nearest to the one asked for.
+/// animation.csv (markers, in the format of lips.csv), wireframe.json, mouth.glb, and drawings of
+/// the paths and the wireframe (paths.svg, wireframe.svg) into the folder. The first and the last
+/// frame are the first and the last key; the times between are even, at the rate that is nearest to
+/// the one asked for.
 ///
 /// Throws InvalidInput before anything is written; SolverError if cancelled, where files that are
 /// complete stay.
