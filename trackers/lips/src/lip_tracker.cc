@@ -16,7 +16,7 @@ using Eigen::Vector2d;
 
 constexpr int kFewestSeen = 3;
 constexpr int kMostSpots = 250;          // that a search without a known look considers
-constexpr double kLeastResponse = 0.35;  // of a candidate
+constexpr double kLeastResponse = 0.2;   // of a candidate
 constexpr double kWholeResponse = 0.5;   // of one that counts towards a full constellation
 constexpr double kWorstResidual = 0.2;   // of a dot's fit, relative to its height
 constexpr double kResidualFactor = 2.5;  // and relative to the usual one
@@ -24,8 +24,12 @@ constexpr double kLeastHeight = 0.75;    // of a whole dot, relative to its usua
 constexpr double kHeightShare = 0.2;     // of a new height in the usual one
 constexpr double kHeightFade = 0.98;     // per frame in which the dot is not seen
 constexpr double kClearlyCloser = 0.5;   // distance to the own place over that to another's
+constexpr double kClearlyApart = 0.12;   // least distance to another's, in widths of the mouth
 constexpr int kRelearnAfterFrames = 25;  // without the known look: any look is sought
-constexpr double kFirstGate = 0.16, kGate = 0.08;       // of matching, in widths of the mouth
+constexpr double kFirstGate = 0.16, kGate = 0.08;  // of matching, in widths of the mouth
+constexpr double kBetterNames = 0.8;  // misfit of other names over that of those followed
+constexpr double kLikeAMouth = 0.04;  // misfit of right names, in widths of the mouth
+constexpr double kNamingGate = 0.2;   // of matching to the whole arrangement
 constexpr double kGateGrowth = 0.2, kWidestGate = 2.5;  // with every hidden frame, and at most
 constexpr double kStepShare = 0.7;                      // of the last step that is expected again
 
@@ -96,11 +100,14 @@ void LipTracker::drop_ambiguous(const std::vector<Vector2d>& predicted_px, Fits&
   for (std::size_t i = 0; i < given.size(); ++i) {
     if (!given[i]) continue;
     const Vector2d& place = given[i]->centre_px;
-    const double share = followed_[i].hidden_frames > 0 ? kClearlyCloser : 1.0;
+    const bool hidden = followed_[i].hidden_frames > 0;
+    const double share = hidden ? kClearlyCloser : 1.0;
+    const double least_px = hidden ? kClearlyApart * mouth_width_px() : 0.0;
     for (std::size_t j = 0; j < given.size(); ++j) {
-      if (given[j] || (predicted_px[i] - place).norm() <= share * (predicted_px[j] - place).norm())
-        continue;
-      fits[i].reset();
+      if (given[j]) continue;
+      const double own = (predicted_px[i] - place).norm();
+      const double other = (predicted_px[j] - place).norm();
+      if (own > share * other || other < least_px) fits[i].reset();
     }
   }
 }
@@ -181,18 +188,88 @@ std::vector<Vector2d> LipTracker::predict(const std::vector<DotCandidate>& candi
     }
     if (static_cast<int>(now.size()) < kFewestSeen) break;
     const PlaneMap motion = fit_map(before, now);
+    std::vector<bool> known(predicted.size());
     for (std::size_t i = 0; i < predicted.size(); ++i) {
+      known[i] = followed_[i].hidden_frames == 0;
       predicted[i] = motion(followed_[i].position_px);
     }
+    predicted = with_hidden(std::move(predicted), known);
     matched = match(predicted, gates_px(kGate), candidates);
   }
   return predicted;
 }
 
+/// Places of all markers where some are known: the others stand to them as when all were last seen,
+/// turned, scaled and moved. An affine map would carry what the seen part of the mouth does (open,
+/// round) on into the hidden part, and step by step the errors would add up.
+std::vector<Vector2d> LipTracker::with_hidden(std::vector<Vector2d> places_px,
+                                              const std::vector<bool>& known) const {
+  std::vector<Vector2d> before, now;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (!known[i]) continue;
+    before.push_back(followed_[i].whole_px);
+    now.push_back(places_px[i]);
+  }
+  const PlaneMap map = fit_turn(before, now);
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (!known[i]) places_px[i] = map(followed_[i].whole_px);
+  }
+  return places_px;
+}
+
+/// What is followed from frame to frame while some are hidden can have a wrong name, and would keep
+/// it. So the candidates are also matched to the whole arrangement as it was last seen; that counts
+/// where it explains as many of them, and clearly better. Where neither does well, those that were
+/// hidden since then are left out: no name is better than a wrong one.
+void LipTracker::check_names(const std::vector<DotCandidate>& candidates,
+                             std::vector<Vector2d>& predicted, std::vector<int>& matched) const {
+  const auto pairs = [&](const std::vector<int>& list) {
+    std::pair<std::vector<Vector2d>, std::vector<Vector2d>> out;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (list[i] < 0) continue;
+      out.first.push_back(followed_[i].whole_px);
+      out.second.push_back(candidates[list[i]].centre_px);
+    }
+    return out;
+  };
+  const auto misfit = [&](const std::vector<int>& list) {
+    const auto [before, now] = pairs(list);
+    const PlaneMap map = fit_map(before, now);
+    double squares = 0.0;
+    for (std::size_t k = 0; k < now.size(); ++k) squares += (map(before[k]) - now[k]).squaredNorm();
+    return std::sqrt(squares / static_cast<double>(now.size()));
+  };
+  const auto count = [](const std::vector<int>& list) {
+    return std::count_if(list.begin(), list.end(), [](int i) { return i >= 0; });
+  };
+  if (count(matched) < kFewestSeen) return;
+  std::vector<int> other = matched;
+  std::vector<Vector2d> places(matched.size());
+  const std::vector<double> gates(matched.size(), kNamingGate * mouth_width_px());
+  for (int round = 0; round < 3; ++round) {
+    const auto [before, now] = pairs(other);
+    const PlaneMap map = round == 0 ? fit_turn(before, now) : fit_map(before, now);
+    for (std::size_t i = 0; i < places.size(); ++i) places[i] = map(followed_[i].whole_px);
+    other = match(places, gates, candidates);
+  }
+  if (count(other) >= count(matched) && misfit(other) < kBetterNames * misfit(matched)) {
+    matched = other;
+    predicted = places;
+  }
+  if (misfit(matched) < kLikeAMouth * mouth_width_px()) return;
+  for (std::size_t i = 0; i < matched.size(); ++i) {
+    if (!followed_[i].sure) matched[i] = -1;
+  }
+}
+
 LipTracker::Fits LipTracker::fit_matched(const Patch& patch,
                                          const std::vector<DotCandidate>& candidates) const {
   std::vector<int> matched;
-  const std::vector<Vector2d> predicted = predict(candidates, matched);
+  std::vector<Vector2d> predicted = predict(candidates, matched);
+  const bool some_hidden =
+      std::any_of(followed_.begin(), followed_.end(),
+                  [](const Followed& marker) { return marker.hidden_frames > 0; });
+  if (some_hidden) check_names(candidates, predicted, matched);
   Fits fits(followed_.size());
   for (std::size_t i = 0; i < matched.size(); ++i) {
     if (matched[i] < 0) continue;
@@ -235,7 +312,7 @@ LipTracker::Fits LipTracker::advance(const Image& linear_rgb) {
   const auto wanted = static_cast<std::size_t>(count_);
   // All are there, and nothing else that could be one: their arrangement tells which is which.
   const bool all = candidates.size() >= wanted &&
-                   candidates[wanted - 1].response > kWholeResponse &&
+                   candidates[wanted - 1].response > kLeastResponse &&
                    (candidates.size() == wanted ||
                     candidates[wanted].response < 0.7 * candidates[wanted - 1].response);
   if (all) {
@@ -254,16 +331,19 @@ LipTracker::Fits LipTracker::advance(const Image& linear_rgb) {
 
 /// Seen markers are where they were measured; hidden ones go with the seen ones around them.
 void LipTracker::remember(const Fits& fits, bool anew) {
-  std::vector<Vector2d> before, now;
+  std::vector<Vector2d> places(fits.size(), Vector2d::Zero());
+  std::vector<bool> known(fits.size());
   for (std::size_t i = 0; i < fits.size(); ++i) {
-    if (!fits[i]) continue;
-    before.push_back(followed_[i].position_px);
-    now.push_back(fits[i]->centre_px);
+    known[i] = fits[i].has_value();
+    if (known[i]) places[i] = fits[i]->centre_px;
   }
-  const PlaneMap motion = anew ? PlaneMap{} : fit_map(before, now);
+  const bool whole = count_of(fits) == count_;
+  if (!whole) places = with_hidden(std::move(places), known);
   for (std::size_t i = 0; i < fits.size(); ++i) {
     Followed& marker = followed_[i];
-    const Vector2d place = fits[i] ? fits[i]->centre_px : motion(marker.position_px);
+    const Vector2d& place = places[i];
+    if (whole) marker.whole_px = place;
+    marker.sure = whole || (marker.sure && known[i]);
     marker.step_px = anew ? Vector2d(Vector2d::Zero()) : Vector2d(place - marker.position_px);
     marker.position_px = place;
     marker.hidden_frames = fits[i] ? 0 : marker.hidden_frames + 1;
@@ -334,9 +414,11 @@ void LipTracker::save_state(std::ostream& out) const {
   put(out, lost_frames_);
   for (const Followed& marker : followed_) {
     for (const double value : marker.position_px) put(out, value);
+    for (const double value : marker.whole_px) put(out, value);
     for (const double value : marker.step_px) put(out, value);
     put(out, marker.height);
     put(out, marker.hidden_frames);
+    put(out, marker.sure);
   }
 }
 
@@ -354,9 +436,11 @@ void LipTracker::restore_state(std::istream& in, const std::string& source) {
   get(in, lost_frames_);
   for (Followed& marker : followed_) {
     for (double& value : marker.position_px) get(in, value);
+    for (double& value : marker.whole_px) get(in, value);
     for (double& value : marker.step_px) get(in, value);
     get(in, marker.height);
     get(in, marker.hidden_frames);
+    get(in, marker.sure);
   }
   if (!in || count != count_) {
     throw InvalidInput(source + ": was not saved by tracking " + std::to_string(count_) +

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "semblance/geometry/similarity.h"
+
 namespace semblance {
 namespace {
 
@@ -263,6 +265,26 @@ PlaneMap fit_map(const std::vector<Eigen::Vector2d>& from_px,
   if (eigen.eigenvalues()[0] < 0.0025 * eigen.eigenvalues()[1]) return map;
   map.turn = cross * scatter.inverse();
   map.shift = to - map.turn * from;
+  return map;
+}
+
+PlaneMap fit_turn(const std::vector<Eigen::Vector2d>& from_px,
+                  const std::vector<Eigen::Vector2d>& to_px) {
+  PlaneMap map;
+  const auto count = static_cast<Eigen::Index>(from_px.size());
+  Eigen::Matrix2Xd from(2, count), to(2, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    from.col(i) = from_px[static_cast<std::size_t>(i)];
+    to.col(i) = to_px[static_cast<std::size_t>(i)];
+  }
+  const Vector2d middle = from.rowwise().mean();
+  if (count < 2 || (from.colwise() - middle).squaredNorm() == 0.0) {
+    map.shift = to.rowwise().mean() - middle;
+    return map;
+  }
+  const Eigen::Affine2d fitted = fit_similarity(from, to);
+  map.turn = fitted.linear();
+  map.shift = fitted.translation();
   return map;
 }
 

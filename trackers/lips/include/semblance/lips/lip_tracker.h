@@ -40,9 +40,11 @@ class LipTracker : public FrameTracker {
  private:
   struct Followed {
     Eigen::Vector2d position_px = Eigen::Vector2d::Zero();  // last seen, carried on while hidden
+    Eigen::Vector2d whole_px = Eigen::Vector2d::Zero();     // when all were last seen
     Eigen::Vector2d step_px = Eigen::Vector2d::Zero();      // per frame
     double height = 0.0;    // the dot's usual contrast; 0: not known yet
     int hidden_frames = 0;  // up to and with the last one
+    bool sure = true;       // seen in every frame since all were
   };
   using Fits = std::vector<std::optional<DotFit>>;
 
@@ -56,6 +58,10 @@ class LipTracker : public FrameTracker {
                                        std::vector<int>& matched) const;
   void drop_ambiguous(const std::vector<Eigen::Vector2d>& predicted_px, Fits& fits) const;
   void remember(const Fits& fits, bool anew);
+  std::vector<Eigen::Vector2d> with_hidden(std::vector<Eigen::Vector2d> places_px,
+                                           const std::vector<bool>& known) const;
+  void check_names(const std::vector<DotCandidate>& candidates,
+                   std::vector<Eigen::Vector2d>& predicted, std::vector<int>& matched) const;
   std::vector<double> gates_px(double share_of_width) const;
   double mouth_width_px() const;
   LipEstimate estimate(const Fits& fits) const;

@@ -39,4 +39,9 @@ struct PlaneMap {
 PlaneMap fit_map(const std::vector<Eigen::Vector2d>& from_px,
                  const std::vector<Eigen::Vector2d>& to_px);
 
+/// The similarity (turn, scale, shift) that does so; a shift with one pair, or where all of `from`
+/// are at one place.
+PlaneMap fit_turn(const std::vector<Eigen::Vector2d>& from_px,
+                  const std::vector<Eigen::Vector2d>& to_px);
+
 }  // namespace semblance
