@@ -22,7 +22,8 @@ constexpr double kSigmaOfRadius = 0.56;
 constexpr float kLeastContrast = 0.02f;  // of a spot, in encoded intensity
 // What a flat, evenly lit disc leaves out of a real dot, as a share of its radius.
 constexpr double kModelShare = 0.03;
-constexpr double kRoundness = 0.4;  // least ratio of a spot's two curvatures
+constexpr double kManyPixelsReach = 7.0;  // of a dot's fit, in pixels
+constexpr double kRoundness = 0.4;        // least ratio of a spot's two curvatures
 
 cv::Mat view(const Image& image) {
   return {image.height, image.width, CV_32FC(image.channels),
@@ -233,7 +234,8 @@ double evaluate_dot(const Unknowns& u, double edge_px, const Vector2d& p, Unknow
   return u[3] + u.segment<2>(4).dot(away) + u[2] * cover;
 }
 
-/// Squared residuals over the pixels within `reach_px` of `middle_px`.
+/// Squared residuals over the pixels within `reach_px` of `middle_px`; of large dots, over every
+/// second one, like the white fields of a chessboard: they have pixels to spare.
 Equations compare_dot(const Patch& patch, const Unknowns& u, double edge_px,
                       const Vector2d& middle_px, double reach_px) {
   Equations e;
@@ -241,18 +243,20 @@ Equations compare_dot(const Patch& patch, const Unknowns& u, double edge_px,
   const int y1 = std::min(patch.image.height - 1, static_cast<int>(middle_px.y() + reach_px));
   const int x0 = std::max(0, static_cast<int>(middle_px.x() - reach_px));
   const int x1 = std::min(patch.image.width - 1, static_cast<int>(middle_px.x() + reach_px));
+  const int step = reach_px > kManyPixelsReach ? 2 : 1;
   Unknowns row;
   for (int y = y0; y <= y1; ++y) {
-    for (int x = x0; x <= x1; ++x) {
+    for (int x = x0 + (step > 1 ? (x0 + y) % 2 : 0); x <= x1; x += step) {
       const Vector2d p(x + 0.5, y + 0.5);
       if ((p - middle_px).squaredNorm() > reach_px * reach_px) continue;
       const double residual = *patch.image.pixel(x, y) - evaluate_dot(u, edge_px, p, row);
-      e.normal.noalias() += row * row.transpose();
+      e.normal.selfadjointView<Eigen::Lower>().rankUpdate(row);
       e.gradient += residual * row;
       e.cost += residual * residual;
       ++e.pixels;
     }
   }
+  e.normal = Normal(e.normal.selfadjointView<Eigen::Lower>());
   return e;
 }
 
