@@ -409,7 +409,9 @@ TEST(MouthWireframe, SmoothContourOfACircleIsNearlyTheCircle) {
     const double radius = std::hypot(p(k, 0) - 100.0, p(k, 1) - 80.0);
     EXPECT_LE(radius, 30.0 + 1e-9);
     EXPECT_GE(radius, least - 1e-9);
-    if (k % 20 == 10) EXPECT_NEAR(radius, least, 1e-9);
+    if (k % 20 == 10) {
+      EXPECT_NEAR(radius, least, 1e-9);
+    }
     EXPECT_NEAR(p(k, 2), 5.0, 1e-12);
     // Closed: the step over the end is like the others.
     EXPECT_NEAR((p.row((k + 1) % ring) - p.row(k)).norm(), 60.0 * std::numbers::pi / ring, 0.02);
