@@ -3,11 +3,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <sstream>
 
 #include "semblance/core/errors.h"
 #include "semblance/io/json_file.h"
+#include "semblance/io/json_reader.h"
 
 namespace semblance {
 namespace {
@@ -108,71 +107,8 @@ class Writer {
   json out_ = json::object();
 };
 
-/// Overwrites the fields that `in` has; every key that no field asked for is an error.
-class Reader {
- public:
-  Reader(const json& in, std::string where) : in_(in), where_(std::move(where)) {
-    if (!in.is_object()) throw InvalidInput(where_ + ": expected an object {...}");
-  }
-  template <class T>
-  void number(const char* key, T& value, double lower, double upper) {
-    const json* entry = find(key);
-    if (entry == nullptr) return;
-    if (!entry->is_number() || (std::is_integral_v<T> && !entry->is_number_integer()))
-      fail(key, std::is_integral_v<T> ? "a whole number" : "a number");
-    const double given = entry->get<double>();
-    if (!(given >= lower && given <= upper)) {
-      std::ostringstream range;
-      range << "a number from " << lower << " to " << upper;
-      fail(key, range.str());
-    }
-    value = entry->get<T>();
-  }
-  void text(const char* key, std::string& value) {
-    const json* entry = find(key);
-    if (entry == nullptr) return;
-    if (!entry->is_string() || entry->get<std::string>().empty()) fail(key, "a text");
-    value = entry->get<std::string>();
-  }
-  void flag(const char* key, bool& value) {
-    const json* entry = find(key);
-    if (entry == nullptr) return;
-    if (!entry->is_boolean()) fail(key, "true or false");
-    value = entry->get<bool>();
-  }
-  template <class Body>
-  void group(const char* key, const Body& body) {
-    const json* entry = find(key);
-    if (entry == nullptr) return;
-    Reader inner(*entry, where_ + "." + key);
-    body(inner);
-    inner.finish();
-  }
-  const json* find(const char* key) {
-    known_.insert(key);
-    const auto it = in_.find(key);
-    return it == in_.end() ? nullptr : &*it;
-  }
-  void finish() const {
-    for (const auto& [key, value] : in_.items()) {
-      if (known_.count(key) != 0) continue;
-      std::string list;
-      for (const std::string& name : known_) list += (list.empty() ? "" : ", ") + name;
-      throw InvalidInput(where_ + ": unknown key '" + key + "'; known are " + list);
-    }
-  }
-  [[noreturn]] void fail(const std::string& key, const std::string& expected) const {
-    throw InvalidInput(where_ + "." + key + ": expected " + expected);
-  }
-
- private:
-  const json& in_;
-  std::string where_;
-  std::set<std::string> known_;
-};
-
 void apply(const json& in, const std::string& where, FaceClipSpec& spec) {
-  Reader reader(in, where);
+  JsonReader reader(in, where);
   visit_clip(spec, reader);
   reader.finish();
 }
@@ -201,7 +137,7 @@ SynthSuite read_suite(const std::string& path_or_folder) {
   std::filesystem::path path = path_or_folder;
   if (std::filesystem::is_directory(path)) path /= "suite.json";
   const json in = read_json_file(path.string());
-  Reader reader(in, path.string());
+  JsonReader reader(in, path.string());
   SynthSuite suite;
   std::string schema;
   reader.text("schema", schema);

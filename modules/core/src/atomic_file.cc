@@ -70,4 +70,16 @@ void AtomicFile::commit() {
   committed_ = true;
 }
 
+bool prepare_output_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  const bool there = std::filesystem::is_directory(folder);
+  if (!there) std::filesystem::create_directory(folder, error);
+  if (error || !std::filesystem::is_directory(folder)) {
+    throw IoError(folder.string() + ": cannot be used as the output folder" +
+                  (error ? " (" + error.message() + ")" : std::string()) +
+                  "; name a folder in a place you can write to");
+  }
+  return !there;
+}
+
 }  // namespace semblance

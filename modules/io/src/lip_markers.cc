@@ -21,18 +21,6 @@ std::string heading(int marker_count) {
   return line;
 }
 
-const char* name(MarkerState state) {
-  switch (state) {
-    case MarkerState::seen:
-      return "seen";
-    case MarkerState::bridged:
-      return "bridged";
-    case MarkerState::absent:
-      break;
-  }
-  return "absent";
-}
-
 std::vector<std::string_view> cells(std::string_view line) {
   std::vector<std::string_view> list;
   for (std::size_t comma; (comma = line.find(',')) != std::string_view::npos;
@@ -76,6 +64,18 @@ LipFrame parse_frame(const std::vector<std::string_view>& cell, int marker_count
 }
 
 }  // namespace
+
+std::string to_string(MarkerState state) {
+  switch (state) {
+    case MarkerState::seen:
+      return "seen";
+    case MarkerState::bridged:
+      return "bridged";
+    case MarkerState::absent:
+      break;
+  }
+  return "absent";
+}
 
 LipTrack parse_lip_markers(std::string_view content, const std::string& source) {
   text::Lines lines(content);
@@ -129,7 +129,7 @@ void write_lip_markers(const std::string& path, const LipTrack& track) {
   for (const LipFrame& frame : track.frames) {
     std::string line = fmt::format("{},{},{}", frame.frame, frame.time_s, frame.confidence);
     for (const LipMarker& marker : frame.markers) {
-      line += fmt::format(",{}", name(marker.state));
+      line += fmt::format(",{}", to_string(marker.state));
       if (marker.state == MarkerState::absent) {
         line += ",,,,";
       } else {

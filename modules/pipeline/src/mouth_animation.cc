@@ -14,6 +14,7 @@
 #include "mouth_files.h"
 #include "mouth_painter.h"
 #include "mouth_wire_overlay.h"
+#include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/geometry/homotopy.h"
 #include "semblance/io/video.h"
@@ -252,16 +253,6 @@ void write_glb_of(const Plan& plan, Stage& stage, const std::vector<double>& tim
   write_mouth_glb(path, plan.wireframe, plan.motion, times_s, space, texture);
 }
 
-void prepare_folder(const std::string& folder) {
-  std::error_code error;
-  if (!fs::is_directory(folder)) fs::create_directory(folder, error);
-  if (error || !fs::is_directory(folder)) {
-    throw IoError(folder + ": cannot be used as the output folder" +
-                  (error ? " (" + error.message() + ")" : std::string()) +
-                  "; name a folder in a place you can write to");
-  }
-}
-
 void draw(const Plan& plan, Stage& stage, const std::vector<double>& times_s, double rate,
           const fs::path& folder, Progress& progress) {
   VideoWriter plain((folder / "animation.mp4").string(), stage.width, stage.height, rate);
@@ -315,7 +306,7 @@ MouthAnimationSummary animate_mouth(const MouthAnimationOptions& options, Progre
   const std::vector<double> times_s =
       animation_times(plan.motion.start_s(), plan.motion.end_s(), rate);
   const std::unique_ptr<Stage> stage = make_stage(plan, options);
-  prepare_folder(options.folder);
+  prepare_output_folder(options.folder);
   const fs::path folder(options.folder);
   draw(plan, *stage, times_s, rate, folder, progress);
   write_lip_markers((folder / "animation.csv").string(),

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "face_clip.h"
+#include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/pack_uvs.h"
 #include "semblance/face/face_tracker.h"
@@ -73,16 +74,6 @@ std::vector<FaceMark> marks_from(const std::string& path, std::size_t landmark_c
   return marks;
 }
 
-void prepare_folder(const std::string& folder) {
-  std::error_code error;
-  if (!fs::is_directory(folder)) fs::create_directory(folder, error);
-  if (error || !fs::is_directory(folder)) {
-    throw IoError(folder + ": cannot be used as the output folder" +
-                  (error ? " (" + error.message() + ")" : std::string()) +
-                  "; name a folder in a place you can write to");
-  }
-}
-
 TrackHeader header_for(const FaceTrackingOptions& options, const FaceTracker& tracker,
                        const Camera& camera) {
   TrackHeader header;
@@ -147,7 +138,7 @@ FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& pro
     }
     if (!keyframes.empty()) tracker.learn_person(keyframes);
   }
-  prepare_folder(options.folder);
+  prepare_output_folder(options.folder);
   const fs::path folder(options.folder);
 
   TrackingRun run;

@@ -12,18 +12,6 @@ using nlohmann::json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-const char* name(MarkerState state) {
-  switch (state) {
-    case MarkerState::seen:
-      return "seen";
-    case MarkerState::bridged:
-      return "bridged";
-    case MarkerState::absent:
-      break;
-  }
-  return "absent";
-}
-
 json pair(const Eigen::Vector2d& v) { return {v.x(), v.y()}; }
 
 Eigen::Vector2d pair_from(const json& value) {
@@ -65,7 +53,7 @@ TrackFrame to_track_frame(const LipEstimate& estimate) {
   json markers = json::array();
   for (const TrackedMarker& m : estimate.markers) {
     seen += m.marker.state == MarkerState::seen ? 1 : 0;
-    json entry = {{"state", name(m.marker.state)}};
+    json entry = {{"state", to_string(m.marker.state)}};
     if (m.known()) {
       entry["position_px"] = pair(m.marker.position_px);
       entry["sigma_px"] = m.sigma_px.minCoeff() < 0.0 ? json() : pair(m.sigma_px);

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "face_lips.h"
+#include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/face/track_face.h"
 #include "semblance/lips/complete_track.h"
@@ -38,19 +39,6 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// True if the folder was made here.
-bool prepare_folder(const std::string& folder) {
-  std::error_code error;
-  const bool there = fs::is_directory(folder);
-  if (!there) fs::create_directory(folder, error);
-  if (error || !fs::is_directory(folder)) {
-    throw IoError(folder + ": cannot be used as the output folder" +
-                  (error ? " (" + error.message() + ")" : std::string()) +
-                  "; name a folder in a place you can write to");
-  }
-  return !there;
-}
-
 TrackHeader header_for(const LipTrackingOptions& options, const VideoInfo& info) {
   TrackHeader header;
   header.kind = "lips";
@@ -66,7 +54,7 @@ TrackHeader header_for(const LipTrackingOptions& options, const VideoInfo& info)
 std::vector<LipEstimate> follow_dots(const LipTrackingOptions& options, const VideoInfo& info,
                                      const TrackHeader& header, TrackingOutcome& outcome,
                                      Progress& progress) {
-  const bool made = prepare_folder(options.folder);
+  const bool made = prepare_output_folder(options.folder);
   const fs::path results = fs::path(options.folder) / "track.jsonl";
   TrackingRun run;
   run.video = options.video;
@@ -108,7 +96,7 @@ std::vector<LipEstimate> follow_dots(const LipTrackingOptions& options, const Vi
 /// The lips of the face tracker, which leaves all that it makes in a folder of its own.
 std::vector<LipEstimate> follow_face(const LipTrackingOptions& options, TrackingOutcome& outcome,
                                      Progress& progress) {
-  prepare_folder(options.folder);
+  prepare_output_folder(options.folder);
   FaceTrackingOptions face;
   face.video = options.video;
   face.folder = (fs::path(options.folder) / "face").string();

@@ -40,4 +40,8 @@ class AtomicFile {
   bool committed_ = false;
 };
 
+/// Makes the folder where it is not there yet; the one above it must be. True if it was made here.
+/// Throws IoError with the remedy.
+bool prepare_output_folder(const std::filesystem::path& folder);
+
 }  // namespace semblance

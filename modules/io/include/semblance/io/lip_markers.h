@@ -10,6 +10,7 @@ namespace semblance {
 
 /// How a marker's place in a frame is known. An absent one has no place.
 enum class MarkerState { absent, bridged, seen };
+std::string to_string(MarkerState state);
 
 struct LipMarker {
   MarkerState state = MarkerState::absent;
