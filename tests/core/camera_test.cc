@@ -21,7 +21,7 @@ Camera distorted_camera() {
   Camera camera = Camera::centred(640, 480, 520.0);
   camera.focal_px = {520.0, 515.0};
   camera.principal_px = {331.0, 236.5};
-  camera.lens = Camera::Lens::brown5;
+  camera.lens = Lens::brown5;
   camera.distortion = {-0.28, 0.09, 1.2e-3, -0.7e-3, -0.01};
   camera.camera_from_world.rotation =
       quaternion_from_rotation_vector({3.0, 0.2, -0.1}) * camera.camera_from_world.rotation;
@@ -131,7 +131,7 @@ TEST(Camera, ValidateNamesSourceAndProblem) {
   EXPECT_THAT(complaint(camera), HasSubstr("principal point"));
   camera = distorted_camera();
   camera.distortion[3] = nan;
-  EXPECT_THAT(complaint(camera), HasSubstr("distortion coefficient 4"));
+  EXPECT_THAT(complaint(camera), HasSubstr("distortion coefficient p2"));
   camera = distorted_camera();
   camera.camera_from_world.rotation.w() = nan;
   EXPECT_THAT(complaint(camera), HasSubstr("rotation"));

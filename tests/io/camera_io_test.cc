@@ -19,7 +19,7 @@ Camera some_camera() {
   Camera camera = Camera::centred(640, 480, 601.0 / 3.0);
   camera.name = "left \"eye\"";
   camera.focal_px.y() = 512.1;
-  camera.lens = Camera::Lens::brown5;
+  camera.lens = Lens::brown5;
   camera.distortion = {-0.1, 0.02, 1e-4, -2e-5, 1.0 / 7.0};
   camera.camera_from_world.rotation = Eigen::Quaterniond(0.1, -0.7, 0.3, 0.2).normalized();
   camera.camera_from_world.translation_m = Eigen::Vector3d(0.1, -1.0 / 3.0, 2.5);
@@ -43,6 +43,23 @@ TEST(CameraFile, KeepsEveryBit) {
   EXPECT_EQ(found.camera_from_world.translation_m, camera.camera_from_world.translation_m);
 }
 
+TEST(CameraFile, KeepsEveryLens) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() / "camera.json";
+  for (const Lens lens : all_lenses) {
+    Camera camera = some_camera();
+    camera.lens = lens;
+    camera.distortion = {};
+    for (int i = 0; i < coefficient_count(lens); ++i) {
+      camera.distortion[static_cast<std::size_t>(i)] = 0.1 / (i + 1);
+    }
+    write_camera(path, camera);
+    const Camera found = read_camera(path);
+    EXPECT_EQ(found.lens, lens);
+    EXPECT_EQ(found.distortion, camera.distortion);
+  }
+}
+
 constexpr const char* minimal =
     R"({"schema":"semblance.camera/1","width":4,"height":3,"focal_px":[5,6],"principal_px":[2,1.5]})";
 
@@ -51,7 +68,7 @@ TEST(CameraFile, NeedsOnlySizeAndLens) {
   const std::string path = folder.path() / "camera.json";
   write_text(path, minimal);
   const Camera camera = read_camera(path);
-  EXPECT_EQ(camera.lens, Camera::Lens::pinhole);
+  EXPECT_EQ(camera.lens, Lens::pinhole);
   // Without a pose the camera stands at the origin and looks along the world's -z, y up.
   const Eigen::Vector2d above = project_world(camera, Eigen::Vector3d(0, 0.1, -1));
   EXPECT_NEAR(above.x(), 2.0, 1e-12);

@@ -335,9 +335,9 @@ TEST(Visibility, EmptyInputsSeeNothing) {
 
 TEST(Visibility, RefusesWhatItCannotDraw) {
   auto named = testing::scene_catalogue()[0];
-  named.camera.lens = Camera::Lens::brown5;
+  named.camera.lens = Lens::brown5;
   EXPECT_THROW(visible(named.scene, named.camera), InvalidInput);
-  named.camera.lens = Camera::Lens::pinhole;
+  named.camera.lens = Lens::pinhole;
   named.camera.width = 0;
   EXPECT_THROW(visible(named.scene, named.camera), InvalidInput);
   named.camera.width = 100;

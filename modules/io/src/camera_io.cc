@@ -90,14 +90,20 @@ class KeyReader {
 };
 
 void read_lens(KeyReader& keys, Camera& camera) {
-  std::string lens = "pinhole";
-  if (keys.has("lens")) keys.read_string("lens", lens);
-  if (lens == "brown5") {
-    camera.lens = Camera::Lens::brown5;
-    keys.read_numbers("distortion", camera.distortion.data(), camera.distortion.size());
-  } else if (lens != "pinhole") {
-    keys.problem("lens", "must be \"pinhole\" or \"brown5\"");
+  std::string name(lens_name(Lens::pinhole));
+  if (keys.has("lens")) keys.read_string("lens", name);
+  const std::optional<Lens> lens = lens_from_name(name);
+  if (!lens) {
+    std::vector<std::string_view> names;
+    for (const Lens known : all_lenses) names.push_back(lens_name(known));
+    keys.problem("lens", fmt::format("must be one of {}", fmt::join(names, ", ")));
     if (keys.has("distortion")) keys.find("distortion");
+    return;
+  }
+  camera.lens = *lens;
+  const int count = coefficient_count(*lens);
+  if (count > 0) {
+    keys.read_numbers("distortion", camera.distortion.data(), static_cast<std::size_t>(count));
   }
 }
 
@@ -138,8 +144,12 @@ nlohmann::ordered_json json_from_camera(const Camera& camera) {
   json["height"] = camera.height;
   json["focal_px"] = {camera.focal_px.x(), camera.focal_px.y()};
   json["principal_px"] = {camera.principal_px.x(), camera.principal_px.y()};
-  json["lens"] = camera.lens == Camera::Lens::pinhole ? "pinhole" : "brown5";
-  if (camera.lens == Camera::Lens::brown5) json["distortion"] = camera.distortion;
+  json["lens"] = lens_name(camera.lens);
+  const int count = coefficient_count(camera.lens);
+  if (count > 0) {
+    json["distortion"] =
+        std::vector<double>(camera.distortion.begin(), camera.distortion.begin() + count);
+  }
   json["camera_from_world"]["rotation_wxyz"] = {q.w(), q.x(), q.y(), q.z()};
   json["camera_from_world"]["translation_m"] = {t.x(), t.y(), t.z()};
   return json;

@@ -18,7 +18,7 @@ using Clock = std::chrono::steady_clock;
 class Undistortion {
  public:
   explicit Undistortion(const Camera& camera) : camera_(camera) {
-    if (camera.lens == Camera::Lens::pinhole) return;
+    if (camera.lens == Lens::pinhole) return;
     const Camera straight = camera.without_distortion();
     for (int y = 0; y < camera.height; ++y) {
       for (int x = 0; x < camera.width; ++x) {

@@ -7,7 +7,7 @@ namespace semblance {
 void check_renderable(const Scene& scene, const Camera& camera) {
   if (camera.width <= 0 || camera.height <= 0)
     throw InvalidInput("camera '" + camera.name + "' has no pixels: expected a positive size");
-  if (camera.lens != Camera::Lens::pinhole)
+  if (camera.lens != Lens::pinhole)
     throw InvalidInput(
         "camera '" + camera.name +
         "' has lens distortion: draw with without_distortion() and warp the picture");

@@ -1,25 +1,21 @@
 // A camera: size, lens and place.
 #pragma once
 
-#include <array>
 #include <string>
 
+#include "semblance/core/lens.h"
 #include "semblance/core/rigid3.h"
 
 namespace semblance {
 
-/// Pinhole camera with optional Brown-Conrady distortion (k1, k2, p1, p2, k3: OpenCV's order).
-///
-/// To add a lens: extend `Lens`, then `project` and `undistort_normalized` in camera.cc.
+/// A camera with one of the lenses of lens.h.
 struct Camera {
-  enum class Lens { pinhole, brown5 };
-
   std::string name = "camera";
   int width = 0, height = 0;                           // pixels
   Eigen::Vector2d focal_px = Eigen::Vector2d::Ones();  // fx, fy
   Eigen::Vector2d principal_px = Eigen::Vector2d::Zero();
   Lens lens = Lens::pinhole;
-  std::array<double, 5> distortion{};
+  LensCoefficients distortion{};
   Rigid3 camera_from_world;
 
   /// A camera at the origin of the world with the principal point in the middle of the image. The

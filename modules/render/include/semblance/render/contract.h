@@ -144,9 +144,9 @@ inline void check(Renderer& renderer) {
   check_sees_nothing(renderer, triangle_scene(-0.8f, -1.0f, -1.3f), camera);
   check_sees_nothing(renderer, triangle_scene(0.8f, -1.0f, 1.3f), camera);  // through the camera
 
-  camera.lens = Camera::Lens::brown5;
+  camera.lens = Lens::brown5;
   EXPECT_THROW(renderer.render(scene, camera, Channel::all), InvalidInput);
-  camera.lens = Camera::Lens::pinhole;
+  camera.lens = Lens::pinhole;
   turned.objects[0].positions_m.conservativeResize(2, 3);
   EXPECT_THROW(renderer.render(turned, camera, Channel::all), InvalidInput);
 }
