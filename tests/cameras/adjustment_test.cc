@@ -1,0 +1,195 @@
+#include "semblance/cameras/adjustment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "semblance/core/errors.h"
+#include "semblance/core/random.h"
+
+namespace semblance {
+namespace {
+
+Eigen::Vector3d normal_vector(Random& random, double size) {
+  return size * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
+}
+
+// A sheet of 9 x 6 points 25 mm apart before one camera that looks along +z.
+Survey sheet_survey(Random& random, Lens lens, int placements) {
+  Survey survey;
+  Camera camera = Camera::centred(640, 480, 540.0);
+  camera.focal_px.y() = 536.0;
+  camera.principal_px = {331.0, 236.0};
+  camera.lens = lens;
+  const LensCoefficients usual{-0.26, 0.07, 1e-3, -5e-4, 0.0};
+  if (lens == Lens::brown2) camera.distortion = {-0.26, 0.07};
+  if (lens == Lens::brown5) camera.distortion = usual;
+  if (lens == Lens::fisheye) camera.distortion = {-0.02, 0.01, -0.004, 0.001};
+  camera.camera_from_world = {};
+  survey.cameras = {camera};
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 9; ++x) survey.points_m.emplace_back(0.025 * x, 0.025 * y, 0.0);
+  }
+  const Eigen::Vector3d middle(0.1, 0.0625, 0.0);
+  for (int i = 0; i < placements; ++i) {
+    const Eigen::Quaterniond turn = quaternion_from_rotation_vector(normal_vector(random, 0.3));
+    const Eigen::Vector3d at(random.uniform(-0.08, 0.08), random.uniform(-0.05, 0.05),
+                             random.uniform(0.3, 0.5));
+    survey.world_from_target.push_back({turn, at - turn * middle});
+  }
+  return survey;
+}
+
+void add_sightings(Survey& survey, Random& random, double sigma_px) {
+  for (int camera = 0; camera < static_cast<int>(survey.cameras.size()); ++camera) {
+    for (int i = 0; i < static_cast<int>(survey.world_from_target.size()); ++i) {
+      for (int k = 0; k < static_cast<int>(survey.points_m.size()); ++k) {
+        Sighting sighting{camera, i, k};
+        const Eigen::Vector2d pixel = residual_px(survey, sighting);  // seen at zero
+        if (!pixel.allFinite()) continue;
+        sighting.pixel_px = pixel + sigma_px * Eigen::Vector2d(random.normal(), random.normal());
+        survey.sightings.push_back(sighting);
+      }
+    }
+  }
+}
+
+void disturb(Survey& survey, Random& random) {
+  for (Camera& camera : survey.cameras) {
+    camera.focal_px *= 1.1;
+    camera.principal_px += Eigen::Vector2d(-8.0, 6.0);
+    camera.distortion.fill(0.0);
+  }
+  for (Rigid3& pose : survey.world_from_target) {
+    pose.rotation = quaternion_from_rotation_vector(normal_vector(random, 0.03)) * pose.rotation;
+    pose.translation_m += normal_vector(random, 0.01);
+  }
+}
+
+AdjustmentOptions one_camera() {
+  AdjustmentOptions options;
+  options.cameras = {CameraFreedom{}};
+  options.cameras[0].pose = false;
+  return options;
+}
+
+class AdjustmentOf : public ::testing::TestWithParam<Lens> {};
+
+TEST_P(AdjustmentOf, FindsTheCameraOfExactSightings) {
+  Random random(11);
+  Survey truth = sheet_survey(random, GetParam(), 12);
+  add_sightings(truth, random, 0.0);
+  Survey start = truth;
+  disturb(start, random);
+  const Adjustment found = adjust(start, one_camera());
+  const Camera &camera = found.survey.cameras[0], &expected = truth.cameras[0];
+  EXPECT_TRUE(found.converged);
+  EXPECT_LT(found.rms_all_px, 1e-7);
+  EXPECT_LT((camera.focal_px - expected.focal_px).norm(), 1e-4);
+  EXPECT_LT((camera.principal_px - expected.principal_px).norm(), 1e-4);
+  EXPECT_THAT(found.outlier, ::testing::Each(0));
+}
+
+INSTANTIATE_TEST_SUITE_P(Lenses, AdjustmentOf,
+                         ::testing::Values(Lens::pinhole, Lens::brown2, Lens::brown5,
+                                           Lens::fisheye),
+                         [](const auto& tested) { return std::string(lens_name(tested.param)); });
+
+TEST(Adjustment, NamesOutliersAndIgnoresThem) {
+  Random random(12);
+  Survey truth = sheet_survey(random, Lens::brown2, 10);
+  add_sightings(truth, random, 0.1);
+  Survey start = truth;
+  for (std::size_t i = 7; i < start.sightings.size(); i += 40) {
+    start.sightings[i].pixel_px += Eigen::Vector2d(5.0, -9.0);
+  }
+  const Adjustment clean = adjust(truth, one_camera());
+  const Adjustment found = adjust(start, one_camera());
+  for (std::size_t i = 7; i < start.sightings.size(); i += 40) EXPECT_TRUE(found.outlier[i]);
+  EXPECT_NEAR(found.sigma_px, 0.1, 0.01);
+  EXPECT_LT(std::abs(found.survey.cameras[0].focal_px.x() - clean.survey.cameras[0].focal_px.x()),
+            0.3 * std::sqrt(clean.covariance->cameras[0].intrinsics(0, 0)));
+}
+
+TEST(Adjustment, NamesWhatTheSightingsLeaveOpen) {
+  // One view of a sheet seen square on: distance and focal length are one.
+  Random random(13);
+  Survey survey = sheet_survey(random, Lens::pinhole, 1);
+  survey.world_from_target[0] = {Eigen::Quaterniond::Identity(), {-0.1, -0.06, 0.4}};
+  add_sightings(survey, random, 0.0);
+  const Adjustment found = adjust(survey, one_camera());
+  EXPECT_FALSE(found.covariance.has_value());
+  EXPECT_NE(found.undetermined, "");
+}
+
+TEST(Adjustment, FindsABentSheetAndAnOffset) {
+  Random random(14);
+  Survey truth = sheet_survey(random, Lens::brown2, 12);
+  truth.warp_m = {1.5e-3, -0.8e-3, 0.4e-3};
+  truth.time_offset_s = {0.0};
+  add_sightings(truth, random, 0.05);
+  Survey start = truth;
+  start.warp_m.setZero();
+  AdjustmentOptions options = one_camera();
+  options.warp = true;
+  const Adjustment found = adjust(start, options);
+  ASSERT_TRUE(found.covariance.has_value());
+  const Eigen::Vector3d error = found.survey.warp_m - truth.warp_m;
+  EXPECT_LT(error.dot(found.covariance->warp.inverse() * error), 16.3);  // chi2(3), 99.9 %
+  EXPECT_LT(error.norm(), 1e-4);
+}
+
+TEST(Adjustment, FindsTheOffsetOfASecondClock) {
+  // Two cameras, the sheet gliding, each time another way; the second one's clock is 7 ms off.
+  Random random(15);
+  Survey truth = sheet_survey(random, Lens::pinhole, 12);
+  truth.cameras.push_back(truth.cameras[0]);
+  truth.cameras[1].camera_from_world = {quaternion_from_rotation_vector({0.0, 0.4, 0.0}),
+                                        {-0.2, 0.0, 0.05}};
+  constexpr double offset_s = 0.007, short_s = 1e-4;
+  std::vector<Eigen::Vector3d> speed_m_s;
+  for (int i = 0; i < 12; ++i) speed_m_s.push_back(normal_vector(random, 0.2));
+  for (int c = 0; c < 2; ++c) {
+    for (int i = 0; i < 12; ++i) {
+      for (int k = 0; k < 54; ++k) {
+        const auto seen_at = [&](double time_s) {
+          Survey then = truth;
+          then.world_from_target[static_cast<std::size_t>(i)].translation_m +=
+              time_s * speed_m_s[static_cast<std::size_t>(i)];
+          return residual_px(then, Sighting{c, i, k});
+        };
+        const double when = c == 1 ? offset_s : 0.0;
+        Sighting sighting{c, i, k, seen_at(when)};
+        sighting.velocity_px_s =
+            (seen_at(when + short_s) - seen_at(when - short_s)) / (2.0 * short_s);
+        if (sighting.pixel_px.allFinite()) truth.sightings.push_back(sighting);
+      }
+    }
+  }
+  AdjustmentOptions options;
+  options.cameras = {CameraFreedom::none(), CameraFreedom::pose_only()};
+  options.cameras[1].time_offset = true;
+  const Adjustment found = adjust(truth, options);
+  // The velocities are those of the moment seen: what is left is the acceleration in the picture.
+  EXPECT_NEAR(found.survey.time_offset_s[1], offset_s, 1e-4);
+}
+
+TEST(Adjustment, RefusesWhatItCannotUse) {
+  Random random(16);
+  Survey survey = sheet_survey(random, Lens::pinhole, 2);
+  add_sightings(survey, random, 0.0);
+  survey.sightings[3].point = 99;
+  EXPECT_THROW(adjust(survey, one_camera()), InvalidInput);
+  survey.sightings[3].point = 3;
+  survey.sightings[3].pixel_px.x() = std::nan("");
+  EXPECT_THROW(adjust(survey, one_camera()), InvalidInput);
+  survey.sightings[3].pixel_px.x() = 3.0;
+  survey.world_from_target[1].translation_m.z() = -5.0;
+  AdjustmentOptions keep_all = one_camera();
+  keep_all.outlier_sigmas.reset();
+  EXPECT_THROW(adjust(survey, keep_all), SolverError);
+}
+
+}  // namespace
+}  // namespace semblance
