@@ -14,6 +14,7 @@ set(package_of_TinyGLTF::TinyGLTF TinyGLTF)
 set(package_of_Pagmo::pagmo Pagmo)
 set(package_of_embree embree)
 set(package_of_Threads::Threads Threads)
+set(package_of_apriltag::apriltag apriltag)
 
 # semblance_package_dependencies(PACKAGES VARIABLE OPENCV VARIABLE)
 # The packages that the modules' link interfaces name. Static libraries hand on their private links

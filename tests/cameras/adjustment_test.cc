@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <map>
+#include <string>
 
 #include "semblance/core/errors.h"
 #include "semblance/core/random.h"
@@ -173,6 +175,92 @@ TEST(Adjustment, FindsTheOffsetOfASecondClock) {
   const Adjustment found = adjust(truth, options);
   // The velocities are those of the moment seen: what is left is the acceleration in the picture.
   EXPECT_NEAR(found.survey.time_offset_s[1], offset_s, 1e-4);
+}
+
+// Sums of squared normalised errors by the name of the parameter.
+class Normalised {
+ public:
+  void add(const std::string& name, double error, double variance) {
+    auto& [sum, count] = sums_[name];
+    sum += error * error / variance;
+    ++count;
+  }
+  void add(const std::vector<std::string>& names, const Eigen::VectorXd& errors,
+           const Eigen::MatrixXd& covariance) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      add(names[i], errors[at], covariance(at, at));
+    }
+  }
+  const std::map<std::string, std::pair<double, int>>& sums() const { return sums_; }
+
+ private:
+  std::map<std::string, std::pair<double, int>> sums_;
+};
+
+Eigen::VectorXd intrinsics_of(const Camera& camera) {
+  Eigen::VectorXd values(4 + coefficient_count(camera.lens));
+  values << camera.focal_px, camera.principal_px,
+      Eigen::Map<const Eigen::VectorXd>(camera.distortion.data(), coefficient_count(camera.lens));
+  return values;
+}
+
+// The step from one pose to another: rotation applied from the left, then shift.
+Eigen::VectorXd pose_step(const Rigid3& to, const Rigid3& from) {
+  Eigen::VectorXd step(6);
+  step << rotation_vector_from_quaternion(to.rotation * from.rotation.conjugate()),
+      to.translation_m - from.translation_m;
+  return step;
+}
+
+TEST(Adjustment, ErrorsAreAsLargeAsItsCovarianceSays) {
+  // 200 random rigs of three cameras about a sheet, noise of 0.3 px. The first camera's pose is the
+  // frame; all else is sought.
+  constexpr int rigs = 200;
+  Normalised errors;
+  for (int rig = 0; rig < rigs; ++rig) {
+    Random random(static_cast<std::uint64_t>(1000 + rig));
+    Survey truth = sheet_survey(random, Lens::brown5, 8);
+    for (int c = 1; c < 3; ++c) {
+      Camera camera = truth.cameras[0];
+      camera.focal_px *= random.uniform(0.8, 1.3);
+      camera.principal_px += Eigen::Vector2d(10.0 * random.normal(), 10.0 * random.normal());
+      // About a point 0.4 m in front of the first one.
+      const Eigen::Quaterniond turn = quaternion_from_rotation_vector(normal_vector(random, 0.3));
+      const Eigen::Vector3d pivot(0.0, 0.0, 0.4);
+      camera.camera_from_world = {turn, pivot - turn * pivot};
+      truth.cameras.push_back(camera);
+    }
+    add_sightings(truth, random, 0.3);
+    AdjustmentOptions options;
+    options.cameras.assign(3, CameraFreedom{});
+    options.cameras[0].pose = false;
+    const Adjustment found = adjust(truth, options);
+    ASSERT_TRUE(found.covariance.has_value()) << found.undetermined;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Camera &camera = found.survey.cameras[c], &expected = truth.cameras[c];
+      const CameraUncertainty& known = found.covariance->cameras[c];
+      errors.add({"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"},
+                 intrinsics_of(camera) - intrinsics_of(expected), known.intrinsics);
+      if (c == 0) continue;
+      errors.add({"camera rx", "camera ry", "camera rz", "camera x", "camera y", "camera z"},
+                 pose_step(camera.camera_from_world, expected.camera_from_world), known.pose);
+    }
+    for (std::size_t i = 0; i < truth.world_from_target.size(); ++i) {
+      errors.add({"sheet rx", "sheet ry", "sheet rz", "sheet x", "sheet y", "sheet z"},
+                 pose_step(found.survey.world_from_target[i], truth.world_from_target[i]),
+                 found.covariance->placements[i]);
+    }
+    errors.add("sigma_px", found.sigma_px - 0.3,
+               0.09 / (2.0 * 2.0 * static_cast<double>(truth.sightings.size())));
+  }
+  for (const auto& [name, sum] : errors.sums()) {
+    const double variance = sum.first / sum.second;
+    RecordProperty("variance of " + name, std::to_string(variance));
+    std::printf("%-12s %5d  %.3f\n", name.c_str(), sum.second, variance);
+    EXPECT_GT(variance, 0.8) << name;
+    EXPECT_LT(variance, 1.25) << name;
+  }
 }
 
 TEST(Adjustment, RefusesWhatItCannotUse) {

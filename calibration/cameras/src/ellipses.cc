@@ -1,0 +1,139 @@
+#include "ellipses.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <opencv2/imgproc.hpp>
+
+namespace semblance {
+
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double kLeastRadius = 2.5;
+constexpr double kLeastAxisRatio = 0.2;
+
+bool plausible(const Ellipse& e) {
+  return std::isfinite(e.major_px) && e.radius_px() >= kLeastRadius &&
+         e.minor_px >= kLeastAxisRatio * e.major_px;
+}
+
+/// The ellipse through a contour where the contour is one.
+std::optional<Ellipse> ellipse_of(const std::vector<cv::Point>& contour, const cv::Size& size) {
+  if (contour.size() < 8) return std::nullopt;
+  const cv::Rect box = cv::boundingRect(contour);
+  if (box.width > size.width / 3 || box.height > size.height / 3) return std::nullopt;
+  if (box.x <= 1 || box.y <= 1 || box.br().x >= size.width - 1 || box.br().y >= size.height - 1) {
+    return std::nullopt;
+  }
+  const cv::RotatedRect fit = cv::fitEllipse(contour);
+  Ellipse e{{fit.center.x, fit.center.y}, 0.5 * fit.size.height, 0.5 * fit.size.width,
+            (fit.angle + 90.0) * std::numbers::pi / 180.0};
+  if (e.major_px < e.minor_px) {
+    std::swap(e.major_px, e.minor_px);
+    e.angle_rad -= std::numbers::pi / 2;
+  }
+  if (!plausible(e)) return std::nullopt;
+  // The contour runs through the outermost pixels' centres, half a pixel inside the outline.
+  const double area = std::numbers::pi * e.major_px * e.minor_px;
+  const double perimeter = 2.0 * std::numbers::pi * e.radius_px();
+  if (std::abs(cv::contourArea(contour) - area) > 0.1 * area + 0.3 * perimeter) return std::nullopt;
+  const double c = std::cos(e.angle_rad), s = std::sin(e.angle_rad);
+  for (const cv::Point& p : contour) {
+    const Vector2d d = Vector2d(p.x, p.y) - e.centre_px;
+    const double r = std::hypot((c * d.x() + s * d.y()) / e.major_px,
+                                (c * d.y() - s * d.x()) / e.minor_px);
+    if (std::abs(r - 1.0) * e.minor_px > 1.0 + 0.1 * e.minor_px) return std::nullopt;
+  }
+  return e;
+}
+
+/// The ellipse whose dual conic has these entries (of a symmetric matrix with lower right entry 1).
+std::optional<Ellipse> ellipse_of_dual(const Eigen::Matrix<double, 5, 1>& dual) {
+  // For centre m and shape S (points x with (x-m)' S^-1 (x-m) = 1) the dual is m m' - S, up to sign.
+  const Vector2d centre(dual[3] / 2.0, dual[4] / 2.0);
+  Eigen::Matrix2d shape;
+  shape << dual[0], dual[1] / 2.0, dual[1] / 2.0, dual[2];
+  shape = centre * centre.transpose() - shape;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(shape);
+  if (solver.eigenvalues()[0] <= 0.0) return std::nullopt;
+  const Vector2d axis = solver.eigenvectors().col(1);
+  return Ellipse{centre, std::sqrt(solver.eigenvalues()[1]), std::sqrt(solver.eigenvalues()[0]),
+                 std::atan2(axis.y(), axis.x())};
+}
+
+}  // namespace
+
+double Ellipse::radius_px() const { return std::sqrt(major_px * minor_px); }
+
+std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start) {
+  const double reach = std::max(1.35 * start.major_px, start.major_px + 2.0);
+  const int x0 = static_cast<int>(std::floor(start.centre_px.x() - reach));
+  const int y0 = static_cast<int>(std::floor(start.centre_px.y() - reach));
+  const int side = static_cast<int>(std::ceil(2.0 * reach)) + 1;
+  if (x0 < 1 || y0 < 1 || x0 + side + 1 >= grey.cols || y0 + side + 1 >= grey.rows) {
+    return std::nullopt;
+  }
+  const double c = std::cos(start.angle_rad), s = std::sin(start.angle_rad);
+  const double inner = std::max(0.0, std::min(0.65, 1.0 - 2.0 / start.minor_px));
+  const double outer = std::max(1.35, 1.0 + 2.0 / start.minor_px);
+  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
+  Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
+  const double scale = start.major_px;
+  for (int y = y0; y < y0 + side; ++y) {
+    const auto* above = grey.ptr<std::uint8_t>(y - 1);
+    const auto* here = grey.ptr<std::uint8_t>(y);
+    const auto* below = grey.ptr<std::uint8_t>(y + 1);
+    for (int x = x0; x < x0 + side; ++x) {
+      const Vector2d d = (Vector2d(x, y) - start.centre_px) / scale;
+      const double r = std::hypot((c * d.x() + s * d.y()) * scale / start.major_px,
+                                  (c * d.y() - s * d.x()) * scale / start.minor_px);
+      if (r < inner || r > outer) continue;
+      // The line through the pixel across its gradient: a x + b y + w = 0.
+      const double a = here[x + 1] - here[x - 1], b = below[x] - above[x];
+      if (a * d.x() + b * d.y() <= 0.0) continue;  // a dot is darker than its ground
+      const double w = -(a * d.x() + b * d.y());
+      Eigen::Matrix<double, 5, 1> row;
+      row << a * a, a * b, b * b, a * w, b * w;
+      normal += row * row.transpose();
+      right -= row * (w * w);
+    }
+  }
+  const auto fit = ellipse_of_dual(normal.ldlt().solve(right));
+  if (!fit) return std::nullopt;
+  Ellipse result = *fit;
+  result.centre_px = start.centre_px + scale * fit->centre_px;
+  result.major_px *= scale;
+  result.minor_px *= scale;
+  if (!plausible(result) || (result.centre_px - start.centre_px).norm() > 0.3 * start.minor_px) {
+    return std::nullopt;
+  }
+  return result;
+}
+
+std::vector<Ellipse> find_ellipses(const cv::Mat& grey) {
+  std::vector<Ellipse> found;
+  const int longest = std::max(grey.cols, grey.rows);
+  for (const int share : {12, 40}) {
+    cv::Mat dark;
+    cv::adaptiveThreshold(grey, dark, 255, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV,
+                          std::max(11, (longest / share) | 1), 10);
+    std::vector<std::vector<cv::Point>> contours;
+    cv::findContours(dark, contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+    for (const auto& contour : contours) {
+      const auto rough = ellipse_of(contour, grey.size());
+      if (!rough) continue;
+      const bool known = std::any_of(found.begin(), found.end(), [&](const Ellipse& e) {
+        return (e.centre_px - rough->centre_px).norm() < 0.5 * e.minor_px;
+      });
+      if (known) continue;
+      if (const auto refined = refine_ellipse(grey, *rough)) found.push_back(*refined);
+    }
+  }
+  return found;
+}
+
+}  // namespace semblance

@@ -1,0 +1,22 @@
+// From detections to what the solvers take.
+#pragma once
+
+#include <string>
+
+#include "semblance/cameras/detect.h"
+#include "sheet_start.h"
+
+namespace semblance {
+
+/// Less points do not place a sheet safely.
+constexpr int kFewestPoints = 6;
+
+SheetView sheet_view(const Detection& detection);
+
+/// Throws InvalidInput naming the picture where its size is not the camera's.
+void check_size(const Detection& detection, const std::string& name, const Camera& camera);
+
+/// Throws InvalidInput naming the picture where it shows the sheet's mirror image.
+void check_not_mirrored(const Detection& detection, const std::string& name);
+
+}  // namespace semblance
