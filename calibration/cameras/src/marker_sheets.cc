@@ -154,8 +154,12 @@ std::vector<NamedQuad> find_aruco(const cv::Mat& grey, const std::string& dictio
   const auto parameters = cv::aruco::DetectorParameters::create();
   std::vector<NamedQuad> best;
   for (const bool invert : {inverted, !inverted}) {
-    cv::Mat picture = grey;
-    if (invert) cv::bitwise_not(grey, picture);
+    cv::Mat picture;
+    if (invert) {
+      cv::bitwise_not(grey, picture);
+    } else {
+      picture = grey;
+    }
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
     cv::aruco::detectMarkers(picture, dictionary_of(dictionary), corners, ids, parameters);
