@@ -20,6 +20,7 @@ constexpr int kMostSeeds = 40;
 constexpr double kTolerance = 0.3;  // of a step
 constexpr double kBorderShare = 0.6;
 constexpr int kLargestWindow = 12;
+constexpr double kFitRadius = 8.0;
 
 bool may_adjoin(const SaddleLook& a, const SaddleLook& b) {
   // Neighbours have their bright fields across from each other's.
@@ -154,7 +155,11 @@ void refine_nodes(const cv::Mat& grey, double scale, ChessLattice& board) {
     const double step = least_step(board, cell);
     const auto place = refine_saddle(grey, point_of(board.points_px[point]), window_for(step),
                                      std::max(2.0 * scale, 0.1 * step));
-    if (place) refined.emplace_back(point, vector_of(*place));
+    if (!place) continue;
+    // Perspective and distortion bend the edges of a wide window; noise asks for a wide one.
+    const double radius = std::clamp(0.35 * step, 3.0, kFitRadius);
+    const auto fitted = fit_saddle(grey, *place, board.looks[point], radius, 1.5);
+    refined.emplace_back(point, vector_of(fitted.value_or(*place)));
   }
   for (const auto& [point, place] : refined) board.points_px[point] = place;
 }

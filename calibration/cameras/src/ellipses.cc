@@ -71,23 +71,24 @@ double Ellipse::radius_px() const { return std::sqrt(major_px * minor_px); }
 
 std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start) {
   const double reach = std::max(1.35 * start.major_px, start.major_px + 2.0);
-  const int x0 = static_cast<int>(std::floor(start.centre_px.x() - reach));
-  const int y0 = static_cast<int>(std::floor(start.centre_px.y() - reach));
-  const int side = static_cast<int>(std::ceil(2.0 * reach)) + 1;
-  if (x0 < 1 || y0 < 1 || x0 + side + 1 >= grey.cols || y0 + side + 1 >= grey.rows) {
-    return std::nullopt;
-  }
+  const auto clipped = [](double value, int size) {
+    return std::clamp(static_cast<int>(std::lround(value)), 1, size - 1);
+  };
+  const int x0 = clipped(start.centre_px.x() - reach, grey.cols);
+  const int x1 = clipped(start.centre_px.x() + reach + 1.0, grey.cols);
+  const int y0 = clipped(start.centre_px.y() - reach, grey.rows);
+  const int y1 = clipped(start.centre_px.y() + reach + 1.0, grey.rows);
   const double c = std::cos(start.angle_rad), s = std::sin(start.angle_rad);
   const double inner = std::max(0.0, std::min(0.65, 1.0 - 2.0 / start.minor_px));
   const double outer = std::max(1.35, 1.0 + 2.0 / start.minor_px);
   Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   const double scale = start.major_px;
-  for (int y = y0; y < y0 + side; ++y) {
+  for (int y = y0; y < y1; ++y) {
     const auto* above = grey.ptr<std::uint8_t>(y - 1);
     const auto* here = grey.ptr<std::uint8_t>(y);
     const auto* below = grey.ptr<std::uint8_t>(y + 1);
-    for (int x = x0; x < x0 + side; ++x) {
+    for (int x = x0; x < x1; ++x) {
       const Vector2d d = (Vector2d(x, y) - start.centre_px) / scale;
       const double r = std::hypot((c * d.x() + s * d.y()) * scale / start.major_px,
                                   (c * d.y() - s * d.x()) * scale / start.minor_px);

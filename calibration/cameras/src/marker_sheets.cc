@@ -109,33 +109,51 @@ std::vector<NamedQuad> agreeing_quads(const std::vector<NamedQuad>& all, const Q
   return best;
 }
 
-/// The saddle point near a place of the sheet: bright along `bright` (a direction on the sheet, with
-/// its opposite), in a window that reaches `clear_m` from it.
+/// Where the edges of a sheet's saddle point run in the picture, and what is bright: `bright` is a
+/// direction on the sheet. The contrast is that of the fields at `reach_m` from the place.
+std::optional<SaddleLook> expected_look(const cv::Mat& grey, const Eigen::Matrix2d& jacobian,
+                                        const Vector2d& place, const Vector2d& bright,
+                                        double reach_m) {
+  const auto level = [&](const Vector2d& direction) -> std::optional<double> {
+    double sum = 0.0;
+    for (const double sign : {1.0, -1.0}) {
+      const Vector2d p = place + sign * reach_m * (jacobian * direction.normalized());
+      const cv::Point at(cvRound(p.x()), cvRound(p.y()));
+      if (!cv::Rect(0, 0, grey.cols, grey.rows).contains(at)) return std::nullopt;
+      sum += 0.5 * grey.at<std::uint8_t>(at);
+    }
+    return sum;
+  };
+  const auto light = level(bright), dark = level({bright.x(), -bright.y()});
+  if (!light || !dark || *light <= *dark) return std::nullopt;
+  const auto direction = [](const Vector2d& v) { return std::atan2(v.y(), v.x()); };
+  SaddleLook look;
+  look.bright_rad = direction(jacobian * bright);
+  look.edges_rad = {direction(jacobian.col(0)), direction(jacobian.col(1))};
+  look.contrast = *light - *dark;
+  return look;
+}
+
+/// Finds saddle points near places of the sheet, around which `clear_m` shows nothing else.
 struct SaddleSearch {
   const cv::Mat& grey;
   double clear_m;
 
   std::optional<Vector2d> find(const SheetWarp& warp, const Vector2d& sheet, const Vector2d& start,
-                               const Vector2d& bright, double reach) const {
+                               const Vector2d& bright, double reach_m) const {
+    constexpr double kLeastRadius = 2.5, kLargestRadius = 8.0;
     const Eigen::Matrix2d jacobian = warp.jacobian(sheet);
     const double scale = std::min(jacobian.col(0).norm(), jacobian.col(1).norm());
-    const double clear_px = clear_m * scale;
-    if (!std::isfinite(clear_px)) return std::nullopt;
-    const int window = std::clamp(static_cast<int>(0.9 * clear_px), 2, 12);
-    const auto place = refine_saddle(grey, point_of(start), window, std::max(2.0, reach * scale));
-    if (!place) return std::nullopt;
-    const auto look = look_at_saddle(grey, *place, std::clamp(clear_px, 2.5, 15.0));
+    const double radius = std::clamp(clear_m * scale, kLeastRadius, kLargestRadius);
+    if (!std::isfinite(radius)) return std::nullopt;
+    const auto look = expected_look(grey, jacobian, start, bright, radius / scale);
     if (!look) return std::nullopt;
-    const Vector2d seen = jacobian * bright;
-    const double turn = angle_between_axes(look->bright_rad, std::atan2(seen.y(), seen.x()));
-    if (turn > 0.6) return std::nullopt;
+    const auto place =
+        fit_saddle(grey, point_of(start), *look, radius, std::max(2.0, reach_m * scale));
+    if (!place) return std::nullopt;
     return vector_of(*place);
   }
 };
-
-bool inside(const cv::Mat& grey, const Vector2d& place) {
-  return place.x() > 0.0 && place.y() > 0.0 && place.x() < grey.cols && place.y() < grey.rows;
-}
 
 }  // namespace
 
@@ -154,8 +172,12 @@ std::vector<NamedQuad> find_aruco(const cv::Mat& grey, const std::string& dictio
   const auto parameters = cv::aruco::DetectorParameters::create();
   std::vector<NamedQuad> best;
   for (const bool invert : {inverted, !inverted}) {
-    cv::Mat picture = grey;
-    if (invert) cv::bitwise_not(grey, picture);
+    cv::Mat picture;
+    if (invert) {
+      cv::bitwise_not(grey, picture);
+    } else {
+      picture = grey;
+    }
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
     cv::aruco::detectMarkers(picture, dictionary_of(dictionary), corners, ids, parameters);
@@ -202,7 +224,6 @@ void detect_charuco(const cv::Mat& grey, const std::vector<NamedQuad>& quads,
       if (points.count(id)) continue;
       const Vector2d sheet = point_on_sheet(target, id).head<2>();
       const Vector2d start = warp.predict(sheet);
-      if (!inside(grey, start)) continue;
       const int column = id % (target.columns - 1), row = id / (target.columns - 1);
       const bool upper_left_black = ((column + row + shift) % 2 == 0) != detection.inverted;
       const Vector2d bright(1.0, upper_left_black ? -1.0 : 1.0);
@@ -234,19 +255,15 @@ void detect_aprilgrid(const cv::Mat& grey, const std::vector<NamedQuad>& quads,
   for (const int id : point_ids(target)) {
     const Vector2d sheet = point_on_sheet(target, id).head<2>();
     const auto outline = outlines.find(id);
-    const bool known = outline != outlines.end();
-    const Vector2d start = known ? outline->second : warp.predict(sheet);
-    if (!inside(grey, start)) continue;
+    const Vector2d start = outline != outlines.end() ? outline->second : warp.predict(sheet);
     // The tag is black on one diagonal of its corner: white lies on the other.
     const Vector2d bright(1.0, id % 2 == 0 ? 1.0 : -1.0);
     const auto place = search.find(warp, sheet, start, bright, 0.1 * target.size_m);
-    if (place) {
-      points[id] = *place;
-    } else if (known) {
-      points[id] = outline->second;
-    }
+    if (place) points[id] = *place;
   }
-  set_points(detection, points);
+  // Sheets of other makers lack the small squares, and the outlines have to do. They are not mixed
+  // with saddle points: where squares touch the corners, blur shifts outlines.
+  set_points(detection, 4 * points.size() > outlines.size() ? points : outlines);
 }
 
 }  // namespace semblance

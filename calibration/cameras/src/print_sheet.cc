@@ -97,15 +97,16 @@ void draw_charuco(const Target& target, SheetShapes& shapes) {
 void draw_aprilgrid(const Target& target, SheetShapes& shapes) {
   const TagFamily family = make_tag_family(target.border_bits);
   const int cells = family->width_at_border;
-  const int ground = (family->total_width - cells) / 2;
   for (int tag = 0; tag < target.columns * target.rows; ++tag) {
     const int id = target.first_id + tag;
-    const std::unique_ptr<image_u8_t, decltype(&image_u8_destroy)> picture(
-        apriltag_to_image(family.get(), id), &image_u8_destroy);
     const Vector2d corner = point_on_sheet(target, 4 * id + 3).head<2>();
-    add_cells(shapes, corner, target.size_m / cells, cells, [&](int x, int y) {
-      return picture->buf[(y + ground) * picture->stride + x + ground] < 128;
-    });
+    std::vector<bool> white(static_cast<std::size_t>(cells) * cells, false);
+    for (std::uint32_t bit = 0; bit < family->nbits; ++bit) {  // the first is the highest
+      const bool set = (family->codes[id] >> (family->nbits - 1 - bit)) & 1;
+      white[family->bit_y[bit] * cells + family->bit_x[bit]] = set;
+    }
+    add_cells(shapes, corner, target.size_m / cells, cells,
+              [&](int x, int y) { return !white[y * cells + x]; });
   }
   const double gap = target.gap_ratio * target.size_m;
   for (int row = 0; row <= target.rows; ++row) {

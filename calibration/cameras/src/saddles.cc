@@ -1,5 +1,7 @@
 #include "saddles.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -53,7 +55,114 @@ cv::Mat saddle_strength(const cv::Mat& grey) {
   return strength;
 }
 
+/// m + a erf(d1 / s) erf(d2 / s), d1 and d2 the distances from two lines through a point: what blur
+/// of sqrt(1/2) s makes of four fields.
+class SaddleModel {
+ public:
+  using Vector = Eigen::Matrix<double, 7, 1>;  // x, y, directions of the lines, m, a, s
+
+  SaddleModel(const cv::Mat& grey, cv::Point2f place, double radius_px)
+      : grey_(grey), place_(place), radius_px_(radius_px) {}
+
+  Vector start(const SaddleLook& look) const {
+    const double level = grey_at(grey_, place_.x, place_.y);
+    Vector x;
+    x << place_.x, place_.y, look.edges_rad[0], look.edges_rad[1], level, 0.5 * look.contrast,
+        std::max(1.0, 0.3 * radius_px_);
+    // The sign of the contrast: the product of both distances in a bright field.
+    const double in_bright = std::sin(look.bright_rad - x[2]) * std::sin(look.bright_rad - x[3]);
+    if (in_bright < 0.0) x[5] = -x[5];
+    return x;
+  }
+
+  /// Squared residuals, and the normal equations where they are wanted.
+  double evaluate(const Vector& x, Eigen::Matrix<double, 7, 7>* normal, Vector* right) const {
+    const double s = x[6];
+    const double c1 = std::cos(x[2]), s1 = std::sin(x[2]), c2 = std::cos(x[3]), s2 = std::sin(x[3]);
+    double cost = 0.0;
+    const int reach = static_cast<int>(std::ceil(radius_px_));
+    const int mid_x = cvRound(place_.x), mid_y = cvRound(place_.y);
+    for (int py = mid_y - reach; py <= mid_y + reach; ++py) {
+      const auto* row = grey_.ptr<std::uint8_t>(py);
+      for (int px = mid_x - reach; px <= mid_x + reach; ++px) {
+        if (std::hypot(px - place_.x, py - place_.y) > radius_px_) continue;
+        const double dx = px - x[0], dy = py - x[1];
+        const double d1 = c1 * dy - s1 * dx, d2 = c2 * dy - s2 * dx;
+        const double e1 = std::erf(d1 / s), e2 = std::erf(d2 / s);
+        const double residual = x[4] + x[5] * e1 * e2 - row[px];
+        cost += residual * residual;
+        if (!normal) continue;
+        const double scale = 2.0 * std::numbers::inv_sqrtpi / s;
+        const double g1 = x[5] * e2 * scale * std::exp(-d1 * d1 / (s * s));
+        const double g2 = x[5] * e1 * scale * std::exp(-d2 * d2 / (s * s));
+        Vector j;
+        j << g1 * s1 + g2 * s2, -g1 * c1 - g2 * c2, -g1 * (c1 * dx + s1 * dy),
+            -g2 * (c2 * dx + s2 * dy), 1.0, e1 * e2, -(g1 * d1 + g2 * d2) / s;
+        *normal += j * j.transpose();
+        *right -= j * residual;
+      }
+    }
+    return cost;
+  }
+
+  /// Levenberg-Marquardt from x; returns the root mean square residual.
+  double solve(Vector& x) const {
+    constexpr int kMostSteps = 20;
+    double damping = 1e-3;
+    double cost = 0.0;
+    for (int step = 0; step < kMostSteps && damping < 1e6; ++step) {
+      Eigen::Matrix<double, 7, 7> normal = Eigen::Matrix<double, 7, 7>::Zero();
+      Vector right = Vector::Zero();
+      cost = evaluate(x, &normal, &right);
+      normal.diagonal() *= 1.0 + damping;
+      const Vector change = normal.ldlt().solve(right);
+      Vector next = x + change;
+      next[6] = std::clamp(next[6], 0.4, radius_px_);
+      if (evaluate(next, nullptr, nullptr) < cost) {
+        x = next;
+        damping *= 0.1;
+        if (change.head<2>().norm() < 1e-3) break;
+      } else {
+        damping *= 10.0;
+      }
+    }
+    return std::sqrt(cost / (std::numbers::pi * radius_px_ * radius_px_));
+  }
+
+ private:
+  const cv::Mat& grey_;
+  cv::Point2f place_;
+  double radius_px_;
+};
+
 }  // namespace
+
+std::optional<cv::Point2f> fit_saddle(const cv::Mat& grey, cv::Point2f start,
+                                      const SaddleLook& look, double radius_px, double reach_px) {
+  constexpr int kMostWindows = 4;
+  constexpr double kMostUnexplained = 0.35;  // of the contrast, root mean square
+  cv::Point2f place = start;
+  for (int window = 0; window < kMostWindows; ++window) {
+    if (!inside(grey, place, radius_px + 2.0)) return std::nullopt;
+    const SaddleModel model(grey, place, radius_px);
+    SaddleModel::Vector x = model.start(look);
+    const double rms = model.solve(x);
+    const cv::Point2f fitted(static_cast<float>(x[0]), static_cast<float>(x[1]));
+    const double moved = cv::norm(fitted - place);
+    if (!(cv::norm(fitted - start) < reach_px) || !(moved < radius_px)) return std::nullopt;
+    place = fitted;
+    if (moved > 0.5) continue;  // the window was not about the place
+    const bool clear = std::abs(x[5]) > 0.5 * kLeastContrast &&
+                       rms < kMostUnexplained * std::abs(x[5]) &&
+                       angle_between_axes(x[2], x[3]) > 0.2;
+    // The same fields are bright, and the edges have not changed places.
+    const bool same = x[5] * model.start(look)[5] > 0.0 &&
+                      angle_between_axes(x[2], look.edges_rad[0]) < 0.5 &&
+                      angle_between_axes(x[3], look.edges_rad[1]) < 0.5;
+    return clear && same ? std::optional(place) : std::nullopt;
+  }
+  return std::nullopt;
+}
 
 double angle_between_axes(double a_rad, double b_rad) {
   return std::abs(std::remainder(a_rad - b_rad, kPi));
@@ -107,8 +216,10 @@ std::optional<cv::Point2f> refine_saddle(const cv::Mat& grey, cv::Point2f place,
   return refined[0];
 }
 
-std::vector<Saddle> find_saddles(const cv::Mat& grey, std::size_t most) {
-  const cv::Mat strength = saddle_strength(grey);
+std::vector<Saddle> find_saddles(const cv::Mat& picture, std::size_t most) {
+  const cv::Mat strength = saddle_strength(picture);
+  cv::Mat grey;  // noise misleads cornerSubPix
+  cv::GaussianBlur(picture, grey, {}, 1.0);
   cv::Mat largest;
   cv::dilate(strength, largest, cv::Mat::ones(7, 7, CV_8U));
   double strongest = 0.0;

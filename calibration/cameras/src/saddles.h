@@ -30,6 +30,13 @@ std::optional<SaddleLook> look_at_saddle(const cv::Mat& grey, cv::Point2f place,
 std::optional<cv::Point2f> refine_saddle(const cv::Mat& grey, cv::Point2f place, int half_window_px,
                                          double reach_px);
 
+/// Fits four fields with straight, blurred edges to the pixels within `radius_px`: place, directions
+/// of the edges, brightness, contrast and blur, from where `look` says that they are. Stands far more
+/// noise and blur than cornerSubPix. None where the pixels do not look like that, or the place is farther
+/// than `reach_px` from the start.
+std::optional<cv::Point2f> fit_saddle(const cv::Mat& grey, cv::Point2f start,
+                                      const SaddleLook& look, double radius_px, double reach_px);
+
 /// All saddle points that are clear, at most `most`, the strongest first.
 std::vector<Saddle> find_saddles(const cv::Mat& grey, std::size_t most);
 
