@@ -137,6 +137,7 @@ Adjustment adjust(const Survey& start, const AdjustmentOptions& options) {
   AdjustmentProblem last(result.survey, options, result.outlier, result.sigma_px, std::nullopt);
   add_statistics(result, last.free_parameters() - static_cast<int>(options.lengths.size()));
   result.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (!options.covariance) return result;
   result.covariance = last.covariance(result.sigma_px, result.undetermined);
   return result;
 }

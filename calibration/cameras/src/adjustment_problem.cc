@@ -111,7 +111,10 @@ void AdjustmentProblem::set_freedom(const AdjustmentOptions& options) {
       problem_.SetParameterBlockConstant(&offsets_[i]);
     }
   }
-  for (PoseBlock& placement : placements_) free_pose(placement, options.placements);
+  for (std::size_t i = 0; i < placements_.size(); ++i) {
+    const bool is_kept = options.kept_placement == static_cast<int>(i);
+    free_pose(placements_[i], options.placements && !is_kept);
+  }
   for (Eigen::Vector3d& point : points_) {
     if (!options.points && problem_.HasParameterBlock(point.data())) {
       problem_.SetParameterBlockConstant(point.data());

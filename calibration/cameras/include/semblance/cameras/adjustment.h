@@ -33,6 +33,7 @@ struct KnownLength {
 struct AdjustmentOptions {
   std::vector<CameraFreedom> cameras;  // one per camera
   bool placements = true;
+  std::optional<int> kept_placement;  // the one that is the frame, where no camera's pose is kept
   bool points = false;
   bool warp = false;
   std::vector<KnownLength> lengths;
@@ -40,6 +41,7 @@ struct AdjustmentOptions {
   /// None keeps every sighting.
   std::optional<double> outlier_sigmas = 4.5;
   int max_iterations = 100;
+  bool covariance = true;  // false saves its time
   /// Called between iterations; true stops the solve, which then has not converged.
   std::function<bool()> cancelled;
 };
