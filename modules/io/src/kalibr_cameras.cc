@@ -129,6 +129,7 @@ void write_distortion(YAML::Emitter& out, const Camera& camera, const std::strin
 void write_link(YAML::Emitter& out, const Rigid3& link) {
   Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix;
   matrix << link.rotation.toRotationMatrix(), link.translation_m, 0, 0, 0, 1;
+  matrix.array() += 0.0;  // no -0
   out << YAML::Key << "T_cn_cnm1" << YAML::Value << YAML::BeginSeq;
   for (int row = 0; row < 4; ++row) {
     const double* first = matrix.row(row).data();

@@ -175,6 +175,11 @@ std::vector<double> xml_numbers(const std::string& words, const std::string& sou
 
 Entry entry_of(const pugi::xml_node& node, const std::string& source) {
   Entry entry{.key = node.name(), .text = node.text().get()};
+  // OpenCV puts texts with anything but letters into quotes.
+  std::string& words = entry.text;
+  if (words.size() > 1 && words.front() == '"' && words.back() == '"') {
+    words = words.substr(1, words.size() - 2);
+  }
   if (!is_matrix_key(plain_key(entry.key))) return entry;
   const pugi::xml_node data = node.child("data");
   entry.values = xml_numbers(data ? data.text().get() : entry.text, source, entry.key);

@@ -48,22 +48,23 @@ class Element {
   std::string where_;
 };
 
-/// 64ths, or whatever whole part of a pixel the sensor is counted in.
-double sensor_units_per_pixel(const Element& sensor, const Element& field, char axis) {
+/// 64, or whatever whole number of units the sensor has per pixel.
+double sensor_units_per_pixel(const Element& sensor, const Element& whole, char axis) {
   const bool u = axis == 'U';
-  const double pixels = u ? field.number("right") - field.number("left")
-                          : field.number("bottom") - field.number("top");
+  const double pixels = u ? whole.number("right") - whole.number("left")
+                          : whole.number("bottom") - whole.number("top");
   const double units = sensor.number(u ? "sensorMaxU" : "sensorMaxV") -
                        sensor.number(u ? "sensorMinU" : "sensorMinV");
-  const double ratio = units / pixels;
-  // 64 W - 1 units over W - 1 pixels, or 64 (W - 1).
-  if (!(pixels > 0.0) || !(ratio >= 0.9) || std::abs(ratio - std::round(ratio)) > 0.1) {
-    sensor.fail(
-        fmt::format("the sensor's range {0} is not a whole number of units per pixel of "
-                    "<fov_video_max>",
-                    axis));
+  // Both ranges are from the first to the last: 64 W - 1 units over W - 1 pixels. Files that other
+  // programs have turned have 64 (W - 1).
+  for (const double ratio : {(units + 1.0) / (pixels + 1.0), units / pixels}) {
+    const double nearest = std::round(ratio);
+    if (pixels >= 1.0 && nearest >= 1.0 && std::abs(ratio - nearest) < 1e-3) return nearest;
   }
-  return std::round(ratio);
+  sensor.fail(
+      fmt::format("the sensor's range {} is not a whole number of units per pixel of "
+                  "<fov_video_max>",
+                  axis));
 }
 
 Rigid3 read_pose(const Element& transform, const std::string& source, const std::string& name) {
@@ -143,7 +144,7 @@ CameraFile read(const std::string& path) {
 
 void set_number(pugi::xml_node& node, const char* attribute, double value) {
   // The shortest text that reads back to the same bits.
-  node.append_attribute(attribute).set_value(fmt::format("{}", value).c_str());
+  node.append_attribute(attribute).set_value(fmt::format("{}", value + 0.0).c_str());  // no -0
 }
 
 void write_field(pugi::xml_node& camera, const char* name, const Camera& given) {
