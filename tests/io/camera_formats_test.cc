@@ -130,6 +130,18 @@ TEST_F(CameraFormats, KeepNamesWhereTheyHaveThem) {
             rig.cameras[0].name);
 }
 
+TEST_F(CameraFormats, RefuseNamesThatNotAllCanHold) {
+  for (const std::string& name :
+       {std::string("a\nb"), std::string("\xff"), std::string(2000, 'a')}) {
+    Camera camera = some_camera(name, Lens::pinhole);
+    for (const CameraFormat* format : camera_formats()) {
+      EXPECT_THAT([&] { write_cameras(path("x"), {.rig = {{camera}}}, *format); },
+                  ThrowsMessage<InvalidInput>(HasSubstr("a name must be UTF-8")));
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("x")));
+}
+
 TEST_F(CameraFormats, AreGuessedByTheNameWhenWriting) {
   EXPECT_EQ(format_for_writing("a.json").name, "semblance");
   EXPECT_EQ(format_for_writing("a.QCA.yml").name, "opencv");

@@ -105,15 +105,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadCamera{"Short", "[5,6]", "[5]", "focal_px: expected 2"},
         BadCamera{"Negative", "[5,6]", "[-5,6]", "focal length"},
         BadCamera{"Missing", "\"width\":4,", "", "width: is missing"},
-        BadCamera{"Unknown", "\"width\":4", "\"width\":4,\"widht\":4",
-                  "unknown key 'widht'"},
+        BadCamera{"Unknown", "\"width\":4", "\"width\":4,\"widht\":4", "unknown key 'widht'"},
         BadCamera{"Twice", "\"width\":4", "\"width\":4,\"width\":5", "'width' is given twice"},
-        BadCamera{"Size", "\"width\":4", "\"width\":0", "width: expected a whole number from 1 to 65536"},
-        BadCamera{"Fraction", "\"width\":4", "\"width\":4.5", "width: expected a whole number from 1 to 65536"},
+        BadCamera{"Size", "\"width\":4", "\"width\":0",
+                  "width: expected a whole number from 1 to 65536"},
+        BadCamera{"Fraction", "\"width\":4", "\"width\":4.5",
+                  "width: expected a whole number from 1 to 65536"},
         BadCamera{"Huge", "\"width\":4", "\"width\":1000000000000",
                   "width: expected a whole number from 1 to 65536"},
         BadCamera{"Schema", "camera/1", "camera/2", "schema: expected \"semblance.camera/1\""},
-        BadCamera{"Lens", "\"width\":4", "\"width\":4,\"lens\":\"fish\"", "lens: expected one of pinhole"},
+        BadCamera{"Lens", "\"width\":4", "\"width\":4,\"lens\":\"fish\"",
+                  "lens: expected one of pinhole"},
         BadCamera{"Distortion", "\"width\":4", "\"width\":4,\"lens\":\"brown5\"",
                   "distortion: is missing"},
         BadCamera{"PinholeDistortion", "\"width\":4", "\"width\":4,\"distortion\":[0,0,0,0,0]",
@@ -134,9 +136,10 @@ TEST(CameraFile, ListsAllProblemsAtOnce) {
   const std::string path = folder.path() / "bad.json";
   write_text(path, R"({"schema":"semblance.camera/1","height":0,"focal_px":7,"x":1})");
   EXPECT_THAT([&] { read_camera(path); },
-              ThrowsMessage<InvalidInput>(AllOf(HasSubstr("width: is missing"), HasSubstr("height: expected"),
-                                                HasSubstr("focal_px: expected"),
-                                                HasSubstr("principal_px: is missing"), HasSubstr("unknown key 'x'"))));
+              ThrowsMessage<InvalidInput>(
+                  AllOf(HasSubstr("width: is missing"), HasSubstr("height: expected"),
+                        HasSubstr("focal_px: expected"), HasSubstr("principal_px: is missing"),
+                        HasSubstr("unknown key 'x'"))));
 }
 
 TEST(CameraFile, ThatDoesNotExistIsAnIoError) {

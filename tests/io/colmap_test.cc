@@ -107,6 +107,8 @@ TEST_F(Colmap, PointsSurviveTheWayThroughTheFormats) {
   EXPECT_EQ(file.rig.cameras.at(1).name, "right.png");
   write_cameras(path("binary"), file, *find_camera_format("colmap-binary"));
   expect_equal(read_colmap(path("binary")), model);
+  EXPECT_THAT(write_cameras(path("rig.json"), file, *find_camera_format("semblance")),
+              ::testing::Contains(HasSubstr("not kept: COLMAP's 2D points and 1 3D points")));
   const CameraFile larger = read_cameras(path("text"), *find_camera_format("colmap-text"), 2.0);
   EXPECT_EQ(larger.model->points.at(11).position, 2.0 * model.points.at(11).position);
   EXPECT_EQ(larger.rig.cameras[0].camera_from_world.translation_m,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "camera_format.h"
 #include "semblance/core/atomic_file.h"
@@ -39,6 +40,19 @@ int whole_pixels(double pixels, const OpenCvCamera& camera, const std::string& s
   refuse(source, camera.name,
          fmt::format("the image size must be whole pixels from 1 to {}, not {} x {}", largest,
                      camera.width, camera.height));
+}
+
+/// Not every format can hold every byte.
+void check_name(const std::string& name, const std::string& path) {
+  const bool printable = std::none_of(name.begin(), name.end(), [](char c) {
+    return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
+  });
+  try {
+    if (printable && name.size() <= 1000 && !nlohmann::json(name).dump().empty()) return;
+  } catch (const nlohmann::json::type_error&) {
+    // Not UTF-8.
+  }
+  refuse(path, name, "a name must be UTF-8 of at most 1000 bytes without control characters");
 }
 
 }  // namespace
@@ -102,7 +116,13 @@ CameraFile read_cameras(const std::string& path, const CameraFormat& format,
 std::vector<std::string> write_cameras(const std::string& path, const CameraFile& file,
                                        const CameraFormat& format) {
   validate(file.rig, path);
-  return format.write(path, file);
+  for (const Camera& camera : file.rig.cameras) check_name(camera.name, path);
+  std::vector<std::string> notes = format.write(path, file);
+  if (file.model && !format.keeps_model) {
+    notes.push_back(
+        fmt::format("not kept: COLMAP's 2D points and {} 3D points", file.model->points.size()));
+  }
+  return notes;
 }
 
 void set_brown_lens(Camera& camera, const LensCoefficients& coefficients) {

@@ -23,9 +23,10 @@ struct CameraFile {
 
 /// A format. To add one: a source file that defines it, a line in the table of camera_formats.cc.
 struct CameraFormat {
-  std::string_view name;   // "kalibr"
-  std::string_view title;  // "Kalibr camchain"
-  bool has_unit = true;    // false: lengths are in a unit that the file does not say
+  std::string_view name;     // "kalibr"
+  std::string_view title;    // "Kalibr camchain"
+  bool has_unit = true;      // false: lengths are in a unit that the file does not say
+  bool keeps_model = false;  // COLMAP's observations and points
   /// Whether a file of this content (a folder: empty), at this path, is of the format.
   bool (*recognises)(const std::string& path, std::string_view content) = nullptr;
   /// Whether a file to be written at this path is meant to be of the format.
