@@ -157,7 +157,8 @@ SynthSuite read_suite(const std::string& path_or_folder) {
     const std::string where = path.string() + ": clips[" + std::to_string(i) + "]";
     check_clip(suite.clips[i], where);
     if (!names.insert(suite.clips[i].name).second)
-      throw InvalidInput(where + ".name: '" + suite.clips[i].name + "' is taken by an earlier clip");
+      throw InvalidInput(where + ".name: '" + suite.clips[i].name +
+                         "' is taken by an earlier clip");
   }
   return suite;
 }

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <iterator>
+#include <limits>
 
 #include "colmap_files.h"
 #include "semblance/core/errors.h"

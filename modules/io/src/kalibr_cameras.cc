@@ -2,11 +2,8 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
-#include <cmath>
-
 #include "camera_format.h"
 #include "parsers.h"
-#include "semblance/core/conventions.h"
 #include "semblance/core/errors.h"
 #include "text.h"
 #include "yaml.h"

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <map>
 #include <opencv2/core.hpp>
 #include <pugixml.hpp>
