@@ -476,6 +476,10 @@ TEST_F(CameraFormats, SayWhatIsWrongWithTomlFiles) {
   EXPECT_THAT(with("1.5707963267948966", "1.5, 2"), HasSubstr("rotation vector of 3"));
   EXPECT_THAT(with("matrix", "matrices"), HasSubstr("has no camera"));
   EXPECT_THAT(with("size", "size = 1\nsize"), HasSubstr("not valid TOML at line 4"));
+  EXPECT_THAT(with("[cam_0]", "# é\n[cam_О]"), HasSubstr("line 2: letters beyond ASCII"));
+  for (const char* name : {R"("é\" О")", "\"\"\"é\" \n О\\\"\"\"\"\"", "'é'", "'''é\n'О'''''"}) {
+    EXPECT_EQ(with("\"A\"", std::string(name) + " # О"), "no complaint") << name;
+  }
   std::string two = anipose;
   two += "[cam_1]\n" + two.substr(8, two.find("rotation") - 8);
   EXPECT_THAT(complaint("a.toml", two, "aniposelib"), HasSubstr("without a pose"));

@@ -137,7 +137,52 @@ Camera read_camera_table(const Table& table, bool below_cameras, const std::stri
   return camera;
 }
 
+/// The end of the text or comment that starts with `opening`.
+std::size_t end_of_quoted(std::string_view content, std::size_t start, std::string_view opening) {
+  std::size_t i = start + opening.size();
+  const bool one_line = opening.size() == 1, escapes = opening[0] == '"';
+  while (i < content.size()) {
+    if (one_line && content[i] == '\n') return i;
+    if (opening != "#" && content.substr(i, opening.size()) == opening) {
+      i += opening.size();
+      // Up to two quotes may stand before the closing three.
+      const std::size_t last = std::min(content.size(), i + (one_line ? 0 : 2));
+      while (i < last && content[i] == opening[0]) ++i;
+      return i;
+    }
+    i += escapes && content[i] == '\\' ? 2 : 1;
+  }
+  return content.size();
+}
+
+/// TOML allows letters beyond ASCII in texts and comments only; toml++ 3.3 is undefined on some
+/// elsewhere.
+void require_ascii_keys(std::string_view content, const std::string& source) {
+  constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+  std::size_t i = content.substr(0, 3) == byte_order_mark ? 3 : 0;
+  int line = 1;
+  while (i < content.size()) {
+    if (static_cast<unsigned char>(content[i]) >= 0x80) {
+      throw InvalidInput(
+          fmt::format("{}: is not valid TOML at line {}: letters beyond ASCII must "
+                      "stand in quotes",
+                      source, line));
+    }
+    std::size_t next = i + 1;
+    for (const std::string_view opening : {"\"\"\"", "'''", "\"", "'", "#"}) {
+      if (content.substr(i, opening.size()) != opening) continue;
+      next = end_of_quoted(content, i, opening);
+      break;
+    }
+    line += static_cast<int>(std::count(
+        content.begin() + static_cast<std::ptrdiff_t>(i),
+        content.begin() + static_cast<std::ptrdiff_t>(std::min(next, content.size())), '\n'));
+    i = next;
+  }
+}
+
 toml::table parse_table(std::string_view content, const std::string& source) {
+  require_ascii_keys(content, source);
   try {
     return toml::parse(content, source);
   } catch (const toml::parse_error& error) {
