@@ -107,12 +107,6 @@ class Writer {
   json out_ = json::object();
 };
 
-void apply(const json& in, const std::string& where, FaceClipSpec& spec) {
-  JsonReader reader(in, where);
-  visit_clip(spec, reader);
-  reader.finish();
-}
-
 void check_clip(const FaceClipSpec& spec, const std::string& where) {
   const bool plain = spec.name.find_first_not_of(
                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -147,22 +141,24 @@ SynthSuite read_suite(const std::string& path_or_folder) {
   reader.text("about", suite.about);
   reader.flag("same_model", suite.same_model);
   FaceClipSpec defaults;
-  if (const json* entry = reader.find("defaults"))
-    apply(*entry, path.string() + ": defaults", defaults);
+  reader.group("defaults", [&](JsonReader& inner) { visit_clip(defaults, inner); });
   const json* clips = reader.find("clips");
   if (clips == nullptr || !clips->is_array() || clips->empty() || clips->size() > 10000)
     reader.fail("clips", "a list of 1 to 10000 clips");
-  reader.finish();
-  std::set<std::string> names;
-  for (std::size_t i = 0; i < clips->size(); ++i) {
-    const std::string where = path.string() + ": clips[" + std::to_string(i) + "]";
+  reader.list("clips", [&](JsonReader& inner, std::size_t i) {
     FaceClipSpec spec = defaults;
     spec.name = "clip" + std::to_string(i + 1);
-    apply((*clips)[i], where, spec);
-    check_clip(spec, where);
-    if (!names.insert(spec.name).second)
-      throw InvalidInput(where + ".name: '" + spec.name + "' is taken by an earlier clip");
+    visit_clip(spec, inner);
     suite.clips.push_back(std::move(spec));
+  });
+  reader.finish();
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < suite.clips.size(); ++i) {
+    const std::string where = path.string() + ": clips[" + std::to_string(i) + "]";
+    check_clip(suite.clips[i], where);
+    if (!names.insert(suite.clips[i].name).second)
+      throw InvalidInput(where + ".name: '" + suite.clips[i].name +
+                         "' is taken by an earlier clip");
   }
   return suite;
 }

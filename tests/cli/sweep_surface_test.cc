@@ -69,7 +69,7 @@ TEST_F(SweepSurfaceCommand, WritesTheMeshAndAPicture) {
 TEST_F(SweepSurfaceCommand, RefusesWhatItCannotUse) {
   expect_refused("{", "sweep.json");
   expect_refused(R"({"schema": "semblance.track/1"})", "\"semblance.sweep/1\"");
-  expect_refused(R"({"schema": "semblance.sweep/1"})", "'contours' is missing");
+  expect_refused(R"({"schema": "semblance.sweep/1"})", "contours: is missing");
   expect_refused(spec(square, R"({"n": -1})"), "segments[0].n: expected a number above -1");
   expect_refused(spec(square, R"({"n": -3.5})"), "not -3.5");
   expect_refused(spec(square, R"({"blend": "sharp"})"), "one of flat, rational");

@@ -61,7 +61,7 @@ TEST_F(SuiteTest, AWrittenRecipeReadsBackTheSame) {
 
 TEST_F(SuiteTest, ProblemsNameFileAndKey) {
   const std::string head = kHead;
-  EXPECT_THAT(complaint("{}"), HasSubstr("suite.json.schema"));
+  EXPECT_THAT(complaint("{}"), HasSubstr("suite.json: schema: expected"));
   EXPECT_THAT(complaint(head + R"("clips":[]})"), HasSubstr("clips"));
   EXPECT_THAT(complaint(head + R"("clips":[{"colour":1}]})"),
               HasSubstr("clips[0]: unknown key 'colour'"));

@@ -2,134 +2,89 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "camera_json.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/json_file.h"
+#include "semblance/io/json_reader.h"
+#include "text.h"
 
 namespace semblance {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* schema = "semblance.camera/1";
+constexpr const char* camera_schema = "semblance.camera/1";
+constexpr const char* rig_schema = "semblance.rig/1";
+constexpr std::size_t most_cameras = 10000;
 
-/// Reads one object key by key and gathers what is wrong with it.
-class KeyReader {
- public:
-  KeyReader(const Json& object, std::string prefix, std::vector<std::string>& problems)
-      : object_(object), prefix_(std::move(prefix)), problems_(problems) {}
+void read_schema(JsonReader& in, const char* schema) {
+  std::string found;
+  if (!in.required("schema")) return;
+  in.text("schema", found);
+  if (found != schema) in.problem("schema", fmt::format("expected \"{}\"", schema));
+}
 
-  bool has(const char* key) const { return object_.contains(key); }
-
-  void problem(const std::string& key, const std::string& what) {
-    problems_.push_back(fmt::format("'{}{}' {}", prefix_, key, what));
-  }
-
-  const Json* find(const char* key) {
-    known_.emplace_back(key);
-    const auto found = object_.find(key);
-    if (found != object_.end()) return &*found;
-    problem(key, "is missing");
-    return nullptr;
-  }
-
-  void read_string(const char* key, std::string& value) {
-    const Json* json = find(key);
-    if (json == nullptr) return;
-    if (json->is_string()) {
-      value = json->get<std::string>();
-    } else {
-      problem(key, "must be a string");
-    }
-  }
-
-  void read_size(const char* key, int& value) {
-    constexpr int largest = 65536;
-    const Json* json = find(key);
-    if (json == nullptr) return;
-    const double number = json->is_number_integer() ? json->get<double>() : 0.0;
-    if (number >= 1.0 && number <= largest) {
-      value = json->get<int>();
-    } else {
-      problem(key, fmt::format("must be a whole number of pixels from 1 to {}", largest));
-    }
-  }
-
-  void read_numbers(const char* key, double* values, std::size_t count) {
-    const Json* json = find(key);
-    if (json == nullptr) return;
-    const auto is_finite = [](const Json& entry) {
-      return entry.is_number() && std::isfinite(entry.get<double>());
-    };
-    if (!json->is_array() || json->size() != count ||
-        !std::all_of(json->begin(), json->end(), is_finite)) {
-      problem(key, fmt::format("must be an array of {} finite numbers", count));
-      return;
-    }
-    for (std::size_t i = 0; i < count; ++i) values[i] = (*json)[i].get<double>();
-  }
-
-  void report_unknown_keys() {
-    for (const auto& [key, value] : object_.items()) {
-      if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
-        problem(key, "is not a known key");
-      }
-    }
-  }
-
- private:
-  const Json& object_;
-  std::string prefix_;
-  std::vector<std::string>& problems_;
-  std::vector<std::string> known_;
-};
-
-void read_lens(KeyReader& keys, Camera& camera) {
+void read_lens(JsonReader& in, Camera& camera) {
   std::string name(lens_name(Lens::pinhole));
-  if (keys.has("lens")) keys.read_string("lens", name);
+  in.text("lens", name);
   const std::optional<Lens> lens = lens_from_name(name);
   if (!lens) {
     std::vector<std::string_view> names;
     for (const Lens known : all_lenses) names.push_back(lens_name(known));
-    keys.problem("lens", fmt::format("must be one of {}", fmt::join(names, ", ")));
-    if (keys.has("distortion")) keys.find("distortion");
+    in.problem("lens", fmt::format("expected one of {}", fmt::join(names, ", ")));
+    in.find("distortion");  // not unknown, only without a meaning
     return;
   }
   camera.lens = *lens;
   const int count = coefficient_count(*lens);
-  if (count > 0) {
-    keys.read_numbers("distortion", camera.distortion.data(), static_cast<std::size_t>(count));
+  if (count > 0 && in.required("distortion")) {
+    in.numbers("distortion", camera.distortion.data(), count);
   }
 }
 
-void read_pose(KeyReader& keys, Camera& camera, std::vector<std::string>& problems) {
-  if (!keys.has("camera_from_world")) {
-    camera.camera_from_world = Camera::centred(1, 1, 1.0).camera_from_world;
-    return;
-  }
-  const Json& pose = *keys.find("camera_from_world");
-  if (!pose.is_object()) {
-    keys.problem("camera_from_world", "must be an object");
-    return;
-  }
-  KeyReader pose_keys(pose, "camera_from_world.", problems);
+void read_pose(JsonReader& in, Rigid3& camera_from_world) {
   Eigen::Vector4d wxyz(1, 0, 0, 0);
-  pose_keys.read_numbers("rotation_wxyz", wxyz.data(), 4);
-  pose_keys.read_numbers("translation_m", camera.camera_from_world.translation_m.data(), 3);
-  pose_keys.report_unknown_keys();
+  if (in.required("rotation_wxyz")) in.vector("rotation_wxyz", wxyz);
+  if (in.required("translation_m")) in.vector("translation_m", camera_from_world.translation_m);
   constexpr double tolerance = 1e-3;
   if (std::abs(wxyz.norm() - 1.0) > tolerance) {
-    pose_keys.problem("rotation_wxyz", "must be a unit quaternion");
+    in.problem("rotation_wxyz", "expected a unit quaternion");
     return;
   }
-  camera.camera_from_world.rotation = Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+  camera_from_world.rotation = Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
   // Figures of a whole length 1 are kept to the last bit, so that a file survives a round trip.
-  if (std::abs(wxyz.norm() - 1.0) > 1e-12) camera.camera_from_world.rotation.normalize();
+  if (std::abs(wxyz.norm() - 1.0) > 1e-12) camera_from_world.rotation.normalize();
+}
+
+Camera read_camera_keys(JsonReader& in) {
+  constexpr int largest_px = 65536;
+  Camera camera;
+  read_schema(in, camera_schema);
+  in.text("name", camera.name, true);
+  if (in.required("width")) in.number("width", camera.width, 1, largest_px);
+  if (in.required("height")) in.number("height", camera.height, 1, largest_px);
+  if (in.required("focal_px")) in.vector("focal_px", camera.focal_px);
+  if (in.required("principal_px")) in.vector("principal_px", camera.principal_px);
+  read_lens(in, camera);
+  camera.camera_from_world = Camera::centred(1, 1, 1.0).camera_from_world;
+  in.group("camera_from_world",
+           [&](JsonReader& pose) { read_pose(pose, camera.camera_from_world); });
+  return camera;
+}
+
+void write_json(const std::string& path, const nlohmann::ordered_json& json) {
+  AtomicFile file(path);
+  try {
+    file.stream() << json.dump(2) << '\n';
+  } catch (const Json::type_error&) {
+    throw InvalidInput(path + ": cannot be written: a camera's name is not UTF-8; rename it");
+  }
+  file.commit();
 }
 
 }  // namespace
@@ -138,7 +93,7 @@ nlohmann::ordered_json json_from_camera(const Camera& camera) {
   const Eigen::Quaterniond& q = camera.camera_from_world.rotation;
   const Eigen::Vector3d& t = camera.camera_from_world.translation_m;
   nlohmann::ordered_json json;
-  json["schema"] = schema;
+  json["schema"] = camera_schema;
   json["name"] = camera.name;
   json["width"] = camera.width;
   json["height"] = camera.height;
@@ -156,38 +111,56 @@ nlohmann::ordered_json json_from_camera(const Camera& camera) {
 }
 
 Camera camera_from_json(const Json& json, const std::string& source) {
-  if (!json.is_object()) throw InvalidInput(source + ": a camera must be a JSON object");
-  std::vector<std::string> problems;
-  KeyReader keys(json, "", problems);
-  Camera camera;
-  std::string found_schema = schema;
-  keys.read_string("schema", found_schema);
-  if (found_schema != schema) {
-    keys.problem("schema", fmt::format("must be \"{}\"", schema));
-  }
-  if (keys.has("name")) keys.read_string("name", camera.name);
-  keys.read_size("width", camera.width);
-  keys.read_size("height", camera.height);
-  keys.read_numbers("focal_px", camera.focal_px.data(), 2);
-  keys.read_numbers("principal_px", camera.principal_px.data(), 2);
-  read_lens(keys, camera);
-  read_pose(keys, camera, problems);
-  keys.report_unknown_keys();
-  if (!problems.empty()) {
-    throw InvalidInput(fmt::format("{}: not a camera as docs/formats/camera.md describes it: {}",
-                                   source, fmt::join(problems, "; ")));
-  }
+  JsonReader in(json, source);
+  const Camera camera = read_camera_keys(in);
+  in.finish();
   validate(camera, source);
   return camera;
+}
+
+CameraRig rig_from_json(const Json& json, const std::string& source) {
+  if (json.is_object() && json.value("schema", Json()) == camera_schema) {
+    return {{camera_from_json(json, source)}};
+  }
+  JsonReader in(json, source);
+  read_schema(in, rig_schema);
+  CameraRig rig;
+  in.required("cameras");
+  in.list("cameras", [&](JsonReader& inner, std::size_t i) {
+    if (i == most_cameras) in.fail("cameras", fmt::format("at most {} cameras", most_cameras));
+    rig.cameras.push_back(read_camera_keys(inner));
+  });
+  in.finish();
+  validate(rig, source);
+  return rig;
+}
+
+void validate(const CameraRig& rig, const std::string& source) {
+  if (rig.cameras.empty()) throw InvalidInput(source + ": holds no camera");
+  std::set<std::string> names;
+  for (const Camera& camera : rig.cameras) {
+    validate(camera, source);
+    if (names.insert(camera.name).second) continue;
+    throw InvalidInput(fmt::format("{}: two cameras are called {}; give each a name of its own",
+                                   source, text::quoted(camera.name)));
+  }
 }
 
 Camera read_camera(const std::string& path) { return camera_from_json(read_json_file(path), path); }
 
 void write_camera(const std::string& path, const Camera& camera) {
   validate(camera, path);
-  AtomicFile file(path);
-  file.stream() << json_from_camera(camera).dump(2) << '\n';
-  file.commit();
+  write_json(path, json_from_camera(camera));
+}
+
+CameraRig read_rig(const std::string& path) { return rig_from_json(read_json_file(path), path); }
+
+void write_rig(const std::string& path, const CameraRig& rig) {
+  validate(rig, path);
+  nlohmann::ordered_json json;
+  json["schema"] = rig_schema;
+  for (const Camera& camera : rig.cameras) json["cameras"].push_back(json_from_camera(camera));
+  write_json(path, json);
 }
 
 }  // namespace semblance

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "semblance/io/camera_formats.h"
 #include "semblance/io/lip_markers.h"
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/outline_io.h"
@@ -23,6 +24,10 @@ Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string
 Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
                                    const std::string& id);
 Track parse_track(std::string_view content, const std::string& source);
+CameraFile parse_toml_cameras(std::string_view content, const std::string& source);
+CameraFile parse_kalibr(std::string_view content, const std::string& source);
+CameraFile parse_opencv(std::string_view content, const std::string& source, bool xml);
+CameraFile parse_qualisys(std::string_view content, const std::string& source);
 std::vector<Viseme> parse_visemes(std::string_view content, const std::string& source);
 
 }  // namespace semblance

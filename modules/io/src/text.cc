@@ -88,6 +88,8 @@ bool parse(std::string_view word, float& value) {
 
 bool parse(std::string_view word, int& value) { return parse_number(word, value); }
 
+bool parse(std::string_view word, std::uint64_t& value) { return parse_number(word, value); }
+
 std::string lower_extension(const std::string& path) {
   std::string extension = std::filesystem::path(path).extension().string();
   for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));

@@ -34,6 +34,7 @@ std::string_view next_word(std::string_view& line);
 bool parse(std::string_view word, double& value);
 bool parse(std::string_view word, float& value);
 bool parse(std::string_view word, int& value);
+bool parse(std::string_view word, std::uint64_t& value);
 
 /// ".png" for "A.PNG".
 std::string lower_extension(const std::string& path);

@@ -37,10 +37,6 @@ void choice(JsonReader& in, const char* key, const std::map<std::string, T>& cho
   value = found->second;
 }
 
-void required(JsonReader& in, const char* key) {
-  if (in.find(key) == nullptr) throw InvalidInput(in.where() + ": '" + key + "' is missing");
-}
-
 std::shared_ptr<const SpaceCurve> read_trajectory(JsonReader& in) {
   std::string kind;
   in.text("kind", kind);
@@ -48,6 +44,7 @@ std::shared_ptr<const SpaceCurve> read_trajectory(JsonReader& in) {
     Vector3d from = Vector3d::Zero(), to = Vector3d::UnitY();
     in.vector("from_m", from);
     in.vector("to_m", to);
+    in.check();
     return make_line(from, to);
   }
   if (kind == "helix") {
@@ -58,11 +55,13 @@ std::shared_ptr<const SpaceCurve> read_trajectory(JsonReader& in) {
     in.vector("start_m", start);
     in.number("angle_deg", angle_deg, -36000.0, 36000.0);
     in.number("pitch_m", pitch_m, -1e6, 1e6);
+    in.check();
     return make_helix(centre, axis, start, angle_deg * degree, pitch_m);
   }
   if (kind == "spline") {
     std::vector<Vector3d> points;
     in.vectors("points_m", points);
+    in.check();
     return make_spline(points);
   }
   in.fail("kind", "line, helix or spline");
@@ -84,6 +83,7 @@ Outline read_contour_outline(JsonReader& in, const std::filesystem::path& folder
   in.text("file", file);
   in.text("id", id);
   in.number("metres_per_unit", metres_per_unit, 1e-9, 1e6);
+  in.check();
   if (shape.empty() == file.empty()) in.fail("shape", "either a 'shape' by name, or a 'file'");
   if (!shape.empty()) {
     if (size_m == 0.0) in.fail("size_m", "the size of the shape in metres");
@@ -107,7 +107,7 @@ Outline read_contour_outline(JsonReader& in, const std::filesystem::path& folder
 
 SweepContour read_contour(JsonReader& in) {
   SweepContour contour{.contour = PlanarContour(named_outline("circle", 1.0, 3))};
-  required(in, "position");
+  in.required("position");
   in.number("position", contour.position, 0.0, 1.0);
   in.vector("slope", contour.slope);
   if (in.find("slope_after") != nullptr) {
@@ -163,7 +163,7 @@ SweepSurface read_sweep(const std::string& path) {
 
   std::vector<Outline> outlines;
   std::vector<SweepContour> contours;
-  required(in, "contours");
+  in.required("contours");
   in.list("contours", [&](JsonReader& inner, std::size_t) {
     if (contours.size() == 1000) throw InvalidInput(path + ": more than 1000 contours");
     outlines.push_back(read_contour_outline(inner, folder));
