@@ -228,8 +228,11 @@ Lattice turned(const Lattice& lattice, int quarters) {
 
 ChessLattice find_chess_lattice(const cv::Mat& grey, int columns, int rows) {
   ChessLattice best;
-  const int factor = std::max(1, std::max(grey.cols, grey.rows) / kSearchSide);
-  for (int scale = factor; scale >= 1; scale = scale > 1 ? 1 : 0) {
+  // At the usual size first, then finer for small squares, then coarser for blurred ones.
+  const int usual = std::max(1, std::max(grey.cols, grey.rows) / kSearchSide);
+  std::vector<int> scales = {usual, 2 * usual};
+  if (usual > 1) scales.insert(scales.begin() + 1, 1);
+  for (const int scale : scales) {
     cv::Mat level = grey;
     if (scale > 1) {
       cv::resize(grey, level, {grey.cols / scale, grey.rows / scale}, 0, 0, cv::INTER_AREA);

@@ -57,6 +57,7 @@ int main(int argc, char** argv) {
   cli::add_track_commands(app, context);
   cli::add_sweep_commands(app, context);
   cli::add_synth_commands(app, context);
+  cli::add_calibrate_commands(app, context);
   cli::add_demo_command(app, context);
   cli::add_compare_command(app, context);
   try {
