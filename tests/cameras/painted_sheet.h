@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <vector>
 
 #include "semblance/cameras/print_sheet.h"
@@ -71,6 +72,10 @@ class PaintedSheet {
     for (int y = 0; y < view_.height; ++y) {
       for (int x = 0; x < view_.width; ++x) {
         int dark = 0;
+        if (const auto whole = uniform(x, y)) {
+          light.at<float>(y, x) = static_cast<float>(*whole ? black : white);
+          continue;
+        }
         for (int k = 0; k < kSamples; ++k) {
           const Eigen::Vector2d p(x + (k + 0.5) / kSamples,
                                   y + ((k * 13) % kSamples + 0.5) / kSamples);
@@ -138,6 +143,16 @@ class PaintedSheet {
       const Eigen::Vector2d reach = Eigen::Vector2d::Constant(d.radius_m);
       for_buckets(d.centre_m - reach, d.centre_m + reach, [&](int b) { discs_[b].push_back(d); });
     }
+  }
+
+  /// The colour of a pixel whose corners and middle agree: shapes are wider than a pixel.
+  std::optional<bool> uniform(int x, int y) const {
+    const bool first = is_black(sheet_at({x + 0.5, y + 0.5}));
+    for (const Eigen::Vector2d& p : {Eigen::Vector2d(x, y), Eigen::Vector2d(x + 1, y),
+                                     Eigen::Vector2d(x, y + 1), Eigen::Vector2d(x + 1, y + 1)}) {
+      if (is_black(sheet_at(p)) != first) return std::nullopt;
+    }
+    return first;
   }
 
   bool is_black(const Eigen::Vector2d& p) const {

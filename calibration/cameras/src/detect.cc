@@ -11,6 +11,7 @@ namespace semblance {
 namespace {
 
 constexpr double kSizeOfUnknown = 1.0;
+constexpr int kLeastSide = 32;  // px; nothing can be read in less
 constexpr std::size_t kLeastMirrored = 8;  // points, before a mirror image is believed
 
 cv::Mat grey_of(const Rgb8& image) {
@@ -21,8 +22,10 @@ cv::Mat grey_of(const Rgb8& image) {
   return grey;
 }
 
-double size_or_one(const Target& target) {
-  return target.size_m > 0.0 ? target.size_m : kSizeOfUnknown;
+Target identify(const Rgb8& image, const Target& automatic, bool& assumed) {
+  if (std::min(image.width, image.height) < kLeastSide) return {};
+  const double size_m = automatic.size_m > 0.0 ? automatic.size_m : kSizeOfUnknown;
+  return identify_sheet(grey_of(image), size_m, assumed);
 }
 
 }  // namespace
@@ -91,14 +94,14 @@ Detection Detector::detect(const Rgb8& image) {
   detection.target = impl_->target;
   detection.width = image.width;
   detection.height = image.height;
-  impl_->detect(grey_of(image), detection);
+  if (std::min(image.width, image.height) >= kLeastSide) impl_->detect(grey_of(image), detection);
   return detection;
 }
 
 Detection detect(const Rgb8& image, const Target& target) {
   if (target.kind != TargetKind::automatic) return Detector(target).detect(image);
   bool assumed = false;
-  const Target sheet = identify_sheet(grey_of(image), size_or_one(target), assumed);
+  const Target sheet = identify(image, target, assumed);
   if (sheet.kind == TargetKind::automatic) {
     Detection none;
     none.width = image.width;
@@ -127,7 +130,7 @@ Target identify_target(const std::vector<Rgb8>& images, const Target& automatic)
   std::vector<Vote> votes;
   for (const Rgb8& image : images) {
     bool assumed = false;
-    const Target seen = identify_sheet(grey_of(image), size_or_one(automatic), assumed);
+    const Target seen = identify(image, automatic, assumed);
     if (seen.kind == TargetKind::automatic) continue;
     const auto vote = std::find_if(votes.begin(), votes.end(), [&](const Vote& v) {
       return v.target.kind == seen.kind && v.target.dictionary == seen.dictionary &&
