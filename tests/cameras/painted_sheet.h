@@ -1,5 +1,5 @@
-// Pictures of calibration sheets with exact truth: a camera with division-model distortion looks at a sheet of
-// black shapes; 32 samples for each pixel, blur and noise in linear light.
+// Pictures of calibration sheets with exact truth: a camera with division-model distortion looks at
+// a sheet of black shapes; 32 samples for each pixel, blur and noise in linear light.
 #pragma once
 
 #include <Eigen/Dense>
@@ -16,16 +16,17 @@
 
 namespace semblance::testing {
 
-/// How the sheet is seen. Angles turn the sheet about its centre, which lies in the picture's middle.
+/// How the sheet is seen. Angles turn the sheet about its centre, which lies in the picture's
+/// middle.
 struct SheetView {
-  double tilt_rad = 0.0;       // out of the picture's plane, about an axis at `axis_rad` in it
+  double tilt_rad = 0.0;  // out of the picture's plane, about an axis at `axis_rad` in it
   double axis_rad = 0.0;
-  double roll_rad = 0.0;       // in the picture's plane
-  double fill = 0.75;          // the sheet's longer side in parts of the picture's shorter one
-  double distortion = 0.0;     // lambda: r_undistorted = r / (1 + lambda r^2), r in focal lengths
+  double roll_rad = 0.0;    // in the picture's plane
+  double fill = 0.75;       // the sheet's longer side in parts of the picture's shorter one
+  double distortion = 0.0;  // lambda: r_undistorted = r / (1 + lambda r^2), r in focal lengths
   Eigen::Vector2d shift_px{0.0, 0.0};
   double blur_px = 0.7;
-  double noise = 0.005;        // of a pixel, linear light, 0 to 1
+  double noise = 0.005;  // of a pixel, linear light, 0 to 1
   int width = 640, height = 480;
 };
 
@@ -39,13 +40,11 @@ class PaintedSheet {
     const double distance =
         focal_px_ * extent.maxCoeff() / (view.fill * std::min(view.width, view.height));
     const Eigen::Vector3d axis(std::cos(view.axis_rad), std::sin(view.axis_rad), 0.0);
-    const Eigen::Matrix3d turn =
-        (Eigen::AngleAxisd(view.tilt_rad, axis) *
-         Eigen::AngleAxisd(view.roll_rad, Eigen::Vector3d::UnitZ()))
-            .toRotationMatrix();
+    const Eigen::Matrix3d turn = (Eigen::AngleAxisd(view.tilt_rad, axis) *
+                                  Eigen::AngleAxisd(view.roll_rad, Eigen::Vector3d::UnitZ()))
+                                     .toRotationMatrix();
     ray_from_sheet_.leftCols<2>() = turn.leftCols<2>();
-    ray_from_sheet_.col(2) =
-        Eigen::Vector3d(0.0, 0.0, distance) - turn.leftCols<2>() * centre;
+    ray_from_sheet_.col(2) = Eigen::Vector3d(0.0, 0.0, distance) - turn.leftCols<2>() * centre;
     sheet_from_ray_ = ray_from_sheet_.inverse();
     fill_buckets();
   }
@@ -81,8 +80,8 @@ class PaintedSheet {
                                   y + ((k * 13) % kSamples + 0.5) / kSamples);
           dark += is_black(sheet_at(p)) ? 1 : 0;
         }
-        light.at<float>(y, x) = static_cast<float>(
-            white + (black - white) * dark / static_cast<double>(kSamples));
+        light.at<float>(y, x) =
+            static_cast<float>(white + (black - white) * dark / static_cast<double>(kSamples));
       }
     }
     if (view_.blur_px > 0.0) cv::GaussianBlur(light, light, {}, view_.blur_px);

@@ -87,7 +87,8 @@ TEST(RealSheets, TwoBoardsInOnePictureAreToldApart) {
   SEMBLANCE_NEED_DATA("calibration/aprilgrid-2bit");
   const Rgb8 image =
       read_image_rgb8(testing::data_path("calibration/aprilgrid-2bit/two_boards.png").string());
-  for (const char* text : {"aprilgrid:6x6:0.05:0.3:border2", "aprilgrid:6x6:0.05:0.3:border2:first36"}) {
+  for (const char* text :
+       {"aprilgrid:6x6:0.05:0.3:border2", "aprilgrid:6x6:0.05:0.3:border2:first36"}) {
     EXPECT_EQ(detect(image, parse_target(text)).ids.size(), 144u) << text;
   }
 }

@@ -24,14 +24,31 @@ TEST(Target, TextsAreReadAndWrittenBack) {
 }
 
 TEST(Target, WhatIsNoSheetIsRefusedWithTheForms) {
-  for (const char* text :
-       {"", "chess", "chessboard", "chessboard:9:0.02", "chessboard:9x6", "chessboard:9x6:0",
-        "chessboard:9x6:-1", "chessboard:9x6:nan", "chessboard:9x6:inf", "chessboard:9x6:0.02:more",
-        "chessboard:1x6:0.02", "chessboard:999999999x6:0.02", "chessboard:9x6:1e999",
-        "charuco:4x5:0.05", "charuco:4x5:0.05:DICT_9X9_1", "charuco:4x5:0.05:DICT_4X4_50:0.06",
-        "charuco:20x20:0.05:DICT_4X4_50", "aprilgrid:6x6:0.088", "aprilgrid:6x6:0.088:0",
-        "aprilgrid:6x6:0.088:0.3:border3", "aprilgrid:30x30:0.088:0.3",
-        "aprilgrid:6x6:0.088:0.3:first580", "dots:3x3:0.02", "auto:x", "auto:1:2"}) {
+  for (const char* text : {"",
+                           "chess",
+                           "chessboard",
+                           "chessboard:9:0.02",
+                           "chessboard:9x6",
+                           "chessboard:9x6:0",
+                           "chessboard:9x6:-1",
+                           "chessboard:9x6:nan",
+                           "chessboard:9x6:inf",
+                           "chessboard:9x6:0.02:more",
+                           "chessboard:1x6:0.02",
+                           "chessboard:999999999x6:0.02",
+                           "chessboard:9x6:1e999",
+                           "charuco:4x5:0.05",
+                           "charuco:4x5:0.05:DICT_9X9_1",
+                           "charuco:4x5:0.05:DICT_4X4_50:0.06",
+                           "charuco:20x20:0.05:DICT_4X4_50",
+                           "aprilgrid:6x6:0.088",
+                           "aprilgrid:6x6:0.088:0",
+                           "aprilgrid:6x6:0.088:0.3:border3",
+                           "aprilgrid:30x30:0.088:0.3",
+                           "aprilgrid:6x6:0.088:0.3:first580",
+                           "dots:3x3:0.02",
+                           "auto:x",
+                           "auto:1:2"}) {
     try {
       parse_target(text);
       ADD_FAILURE() << "read: " << text;

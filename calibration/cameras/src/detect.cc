@@ -11,7 +11,7 @@ namespace semblance {
 namespace {
 
 constexpr double kSizeOfUnknown = 1.0;
-constexpr int kLeastSide = 32;  // px; nothing can be read in less
+constexpr int kLeastSide = 32;             // px; nothing can be read in less
 constexpr std::size_t kLeastMirrored = 8;  // points, before a mirror image is believed
 
 cv::Mat grey_of(const Rgb8& image) {
@@ -33,12 +33,18 @@ Target identify(const Rgb8& image, const Target& automatic, bool& assumed) {
 const char* warning_name(DetectionWarning::Kind kind) {
   using Kind = DetectionWarning::Kind;
   switch (kind) {
-    case Kind::mirrored: return "mirrored";
-    case Kind::wrong_counts: return "wrong_counts";
-    case Kind::incomplete: return "incomplete";
-    case Kind::half_turn: return "half_turn";
-    case Kind::unknown_size: return "unknown_size";
-    case Kind::assumed_counts: return "assumed_counts";
+    case Kind::mirrored:
+      return "mirrored";
+    case Kind::wrong_counts:
+      return "wrong_counts";
+    case Kind::incomplete:
+      return "incomplete";
+    case Kind::half_turn:
+      return "half_turn";
+    case Kind::unknown_size:
+      return "unknown_size";
+    case Kind::assumed_counts:
+      return "assumed_counts";
   }
   return "";
 }
@@ -61,10 +67,14 @@ struct Detector::Impl {
 
   void detect(const cv::Mat& grey, Detection& detection) {
     switch (target.kind) {
-      case TargetKind::chessboard: return detect_chessboard(grey, detection);
-      case TargetKind::circles: return detect_circles(find_dot_lattice(grey), detection);
-      case TargetKind::dots: return detect_dots(find_dot_lattice(grey), detection);
-      default: break;
+      case TargetKind::chessboard:
+        return detect_chessboard(grey, detection);
+      case TargetKind::circles:
+        return detect_circles(find_dot_lattice(grey), detection);
+      case TargetKind::dots:
+        return detect_dots(find_dot_lattice(grey), detection);
+      default:
+        break;
     }
     detect_markers(grey, detection);
     if (detection.found()) return;
@@ -111,9 +121,10 @@ Detection detect(const Rgb8& image, const Target& target) {
   Detection detection = Detector(sheet).detect(image);
   using Kind = DetectionWarning::Kind;
   if (target.size_m <= 0.0) {
-    detection.warnings.push_back({Kind::unknown_size,
-                                  "a picture does not tell sizes: 1 m is assumed; give the size of a "
-                                  "square, a tag or a step as auto:SIZE"});
+    detection.warnings.push_back(
+        {Kind::unknown_size,
+         "a picture does not tell sizes: 1 m is assumed; give the size of a "
+         "square, a tag or a step as auto:SIZE"});
   }
   if (assumed) {
     detection.warnings.push_back(
@@ -143,9 +154,8 @@ Target identify_target(const std::vector<Rgb8>& images, const Target& automatic)
       if (seen.rows > vote->target.rows) vote->target = seen;
     }
   }
-  const auto most = std::max_element(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) {
-    return a.count < b.count;
-  });
+  const auto most = std::max_element(
+      votes.begin(), votes.end(), [](const Vote& a, const Vote& b) { return a.count < b.count; });
   return most == votes.end() ? Target{} : most->target;
 }
 

@@ -173,8 +173,8 @@ std::optional<SaddleLook> look_at_saddle(const cv::Mat& grey, cv::Point2f place,
   std::array<double, kSamples> ring;
   for (int i = 0; i < kSamples; ++i) {
     const double angle = 2.0 * kPi * i / kSamples;
-    ring[i] = grey_at(grey, place.x + radius_px * std::cos(angle),
-                      place.y + radius_px * std::sin(angle));
+    ring[i] =
+        grey_at(grey, place.x + radius_px * std::cos(angle), place.y + radius_px * std::sin(angle));
   }
   // Opposite samples are alike: their mean is the signal, their difference must be small.
   std::array<double, kSamples / 2> half_turn;
