@@ -33,8 +33,8 @@ enum class TargetKind { automatic, chessboard, charuco, aprilgrid, circles, dots
 /// left corner of the upper left tag. Circles: OpenCV's grids. Symmetric: the step is the distance
 /// of neighbours (half a turn leaves the sheet as it is). Asymmetric: circle (i, j) is at x = (2 i
 /// + j mod 2) steps, y = j steps. The origin is point 0. Dots: a regular grid whose dots are half a
-/// step wide but for three of 0.75 steps near the middle: one at the middle (lower left of it where
-/// that falls between dots), one two steps to its right and one a step below it. They name every
+/// step wide but for three of 0.75 steps: one just left of the middle (see `large_dots`), one
+/// two steps to its right and one a step below it. They name every
 /// dot of a sheet that is seen in part.
 struct Target {
   TargetKind kind = TargetKind::automatic;
