@@ -33,15 +33,16 @@ enum class TargetKind { automatic, chessboard, charuco, aprilgrid, circles, dots
 ///
 /// AprilGrid: Kalibr's sheet of tag36h11: side of a tag with its black border, the gap in parts of
 /// that side, a border of `border2` bits instead of 1, the first tag's id (0). Tag ids grow to the
-/// right and upwards from the lower left. The origin is the upper left corner of the upper left tag.
+/// right and upwards from the lower left. The origin is the upper left corner of the upper left
+/// tag.
 ///
 /// Circles: OpenCV's grids. Symmetric: the step is the distance of neighbours (half a turn leaves
 /// the sheet as it is). Asymmetric: circle (i, j) is at x = (2 i + j mod 2) steps, y = j steps. The
 /// origin is point 0.
 ///
 /// Dots: a regular grid whose dots are half a step wide but for three of 0.75 steps: one just left
-/// of the middle, one two steps to its right and one a step below it (`large_dots`). They name every
-/// dot of a sheet that is seen in part.
+/// of the middle, one two steps to its right and one a step below it (`large_dots`). They name
+/// every dot of a sheet that is seen in part.
 struct Target {
   TargetKind kind = TargetKind::automatic;
   int columns = 0, rows = 0;
