@@ -1,11 +1,12 @@
-// Pictures of calibration sheets with exact truth: a camera with division-model distortion looks at a sheet of
-// black shapes; 32 samples for each pixel, blur and noise in linear light.
+// Pictures of calibration sheets with exact truth: a camera with division-model distortion looks at
+// a sheet of black shapes; 32 samples for each pixel, blur and noise in linear light.
 #pragma once
 
 #include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <vector>
 
 #include "semblance/cameras/print_sheet.h"
@@ -15,16 +16,17 @@
 
 namespace semblance::testing {
 
-/// How the sheet is seen. Angles turn the sheet about its centre, which lies in the picture's middle.
+/// How the sheet is seen. Angles turn the sheet about its centre, which lies in the picture's
+/// middle.
 struct SheetView {
-  double tilt_rad = 0.0;       // out of the picture's plane, about an axis at `axis_rad` in it
+  double tilt_rad = 0.0;  // out of the picture's plane, about an axis at `axis_rad` in it
   double axis_rad = 0.0;
-  double roll_rad = 0.0;       // in the picture's plane
-  double fill = 0.75;          // the sheet's longer side in parts of the picture's shorter one
-  double distortion = 0.0;     // lambda: r_undistorted = r / (1 + lambda r^2), r in focal lengths
+  double roll_rad = 0.0;    // in the picture's plane
+  double fill = 0.75;       // the sheet's longer side in parts of the picture's shorter one
+  double distortion = 0.0;  // lambda: r_undistorted = r / (1 + lambda r^2), r in focal lengths
   Eigen::Vector2d shift_px{0.0, 0.0};
   double blur_px = 0.7;
-  double noise = 0.005;        // of a pixel, linear light, 0 to 1
+  double noise = 0.005;  // of a pixel, linear light, 0 to 1
   int width = 640, height = 480;
 };
 
@@ -38,13 +40,11 @@ class PaintedSheet {
     const double distance =
         focal_px_ * extent.maxCoeff() / (view.fill * std::min(view.width, view.height));
     const Eigen::Vector3d axis(std::cos(view.axis_rad), std::sin(view.axis_rad), 0.0);
-    const Eigen::Matrix3d turn =
-        (Eigen::AngleAxisd(view.tilt_rad, axis) *
-         Eigen::AngleAxisd(view.roll_rad, Eigen::Vector3d::UnitZ()))
-            .toRotationMatrix();
+    const Eigen::Matrix3d turn = (Eigen::AngleAxisd(view.tilt_rad, axis) *
+                                  Eigen::AngleAxisd(view.roll_rad, Eigen::Vector3d::UnitZ()))
+                                     .toRotationMatrix();
     ray_from_sheet_.leftCols<2>() = turn.leftCols<2>();
-    ray_from_sheet_.col(2) =
-        Eigen::Vector3d(0.0, 0.0, distance) - turn.leftCols<2>() * centre;
+    ray_from_sheet_.col(2) = Eigen::Vector3d(0.0, 0.0, distance) - turn.leftCols<2>() * centre;
     sheet_from_ray_ = ray_from_sheet_.inverse();
     fill_buckets();
   }
@@ -71,13 +71,17 @@ class PaintedSheet {
     for (int y = 0; y < view_.height; ++y) {
       for (int x = 0; x < view_.width; ++x) {
         int dark = 0;
+        if (const auto whole = uniform(x, y)) {
+          light.at<float>(y, x) = static_cast<float>(*whole ? black : white);
+          continue;
+        }
         for (int k = 0; k < kSamples; ++k) {
           const Eigen::Vector2d p(x + (k + 0.5) / kSamples,
                                   y + ((k * 13) % kSamples + 0.5) / kSamples);
           dark += is_black(sheet_at(p)) ? 1 : 0;
         }
-        light.at<float>(y, x) = static_cast<float>(
-            white + (black - white) * dark / static_cast<double>(kSamples));
+        light.at<float>(y, x) =
+            static_cast<float>(white + (black - white) * dark / static_cast<double>(kSamples));
       }
     }
     if (view_.blur_px > 0.0) cv::GaussianBlur(light, light, {}, view_.blur_px);
@@ -138,6 +142,16 @@ class PaintedSheet {
       const Eigen::Vector2d reach = Eigen::Vector2d::Constant(d.radius_m);
       for_buckets(d.centre_m - reach, d.centre_m + reach, [&](int b) { discs_[b].push_back(d); });
     }
+  }
+
+  /// The colour of a pixel whose corners and middle agree: shapes are wider than a pixel.
+  std::optional<bool> uniform(int x, int y) const {
+    const bool first = is_black(sheet_at({x + 0.5, y + 0.5}));
+    for (const Eigen::Vector2d& p : {Eigen::Vector2d(x, y), Eigen::Vector2d(x + 1, y),
+                                     Eigen::Vector2d(x, y + 1), Eigen::Vector2d(x + 1, y + 1)}) {
+      if (is_black(sheet_at(p)) != first) return std::nullopt;
+    }
+    return first;
   }
 
   bool is_black(const Eigen::Vector2d& p) const {

@@ -18,6 +18,7 @@ using Eigen::Vector2d;
 
 constexpr std::size_t kLeastQuads = 4;
 constexpr std::size_t kLeastDots = 12;
+constexpr int kMostRows = 30;
 
 /// How markers follow each other, in parts of a marker's side, read from pairs of neighbours.
 struct MarkerGrid {
@@ -76,7 +77,7 @@ std::optional<MarkerGrid> read_grid(const std::vector<NamedQuad>& quads,
   return grid;
 }
 
-double rounded(double value, double unit) { return std::round(value / unit) * unit; }
+double rounded(double value, double parts) { return std::round(value * parts) / parts; }
 
 /// The sheet's points that are found when it is taken for `target`.
 std::size_t points_of(const cv::Mat& grey, const std::vector<NamedQuad>& quads,
@@ -90,6 +91,34 @@ std::size_t points_of(const cv::Mat& grey, const std::vector<NamedQuad>& quads,
     detect_charuco(grey, quads, detection);
   }
   return detection.ids.size();
+}
+
+/// The gap that fits the corners best: blur widens outlines, and with them what `read_grid` says.
+double fitted_gap(const cv::Mat& grey, const std::vector<NamedQuad>& quads, Target target) {
+  Detection detection;
+  detection.target = target;
+  detect_aprilgrid(grey, quads, detection);
+  std::vector<Vector2d> image;
+  for (const auto& point : detection.points_px.colwise()) image.push_back(point);
+  double best = target.gap_ratio;
+  double least = 1e300;
+  for (int hundredths = -8; hundredths <= 8; ++hundredths) {
+    Target candidate = target;
+    candidate.gap_ratio = rounded(target.gap_ratio + 0.01 * hundredths, 100.0);
+    if (candidate.gap_ratio <= 0.0) continue;
+    std::vector<Vector2d> sheet;
+    for (const int id : detection.ids) sheet.push_back(point_on_sheet(candidate, id).head<2>());
+    const Eigen::Matrix3d h = fit_homography(sheet, image);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < sheet.size(); ++i) {
+      sum += ((h * sheet[i].homogeneous()).hnormalized() - image[i]).squaredNorm();
+    }
+    if (sum < least) {
+      least = sum;
+      best = candidate.gap_ratio;
+    }
+  }
+  return best;
 }
 
 Target identify_aprilgrid(const cv::Mat& grey, double size_m, bool& assumed) {
@@ -110,7 +139,7 @@ Target identify_aprilgrid(const cv::Mat& grey, double size_m, bool& assumed) {
     target.kind = TargetKind::aprilgrid;
     target.columns = grid->stride;
     target.size_m = size_m;
-    target.gap_ratio = rounded(grid->step - 1.0, 0.01);
+    target.gap_ratio = rounded(grid->step - 1.0, 100.0);
     target.border_bits = border;
     target.first_id = least / target.columns < 2 ? 0 : least;
     target.rows = (most - target.first_id) / target.columns + 1;
@@ -122,6 +151,7 @@ Target identify_aprilgrid(const cv::Mat& grey, double size_m, bool& assumed) {
       if (points_of(grey, quads, smaller, false) < all) break;
       target = smaller;
     }
+    target.gap_ratio = fitted_gap(grey, quads, target);
     assumed = points_of(grey, quads, target, false) < point_ids(target).size();
     return target;
   }
@@ -138,6 +168,12 @@ Target identify_charuco(const cv::Mat& grey, double size_m, bool& assumed) {
     const auto grid = read_grid(quads, unit);
     // Markers of a row are two squares apart, and two rows hold as many as there are columns.
     if (!grid || grid->stride < 2 || grid->step < 2.0) continue;
+    // OpenCV's outlines run through the outermost pixels' centres: a side is a pixel short.
+    std::vector<double> sides_px;
+    for (const NamedQuad& quad : quads) {
+      sides_px.push_back((quad.corners_px[1] - quad.corners_px[0]).norm());
+    }
+    const double widening = 1.0 + 1.0 / median(sides_px);
     Target best;
     std::size_t most_points = 0;
     for (const bool legacy : {false, true}) {
@@ -145,12 +181,13 @@ Target identify_charuco(const cv::Mat& grey, double size_m, bool& assumed) {
       target.kind = TargetKind::charuco;
       target.columns = grid->stride;
       target.size_m = size_m;
-      target.marker_m = size_m * std::min(0.99, rounded(2.0 / grid->step, 0.01));
+      target.marker_m = size_m * std::min(0.99, rounded(2.0 / grid->step * widening, 20.0));
       target.dictionary = dictionary;
       target.legacy = legacy;
       // As many rows as the largest id among those that agree needs; the older layout differs for
       // even counts alone.
-      for (target.rows = 2; target.rows <= 60; ++target.rows) {
+      for (target.rows = 2; target.rows <= kMostRows; ++target.rows) {
+        if (most_points > 0 && target.rows > best.rows + 3) break;
         if (legacy && target.rows % 2 == 1) continue;
         const std::size_t points = points_of(grey, quads, target, inverted);
         if (points <= most_points) continue;
@@ -195,7 +232,8 @@ Target identify_dots(const cv::Mat& grey, double size_m) {
   if (dots.lattice.size() < kLeastDots) return {};
   for (const TargetKind kind : {TargetKind::dots, TargetKind::circles}) {
     for (int rows = 2; rows <= count / 2; ++rows) {
-      if (count % rows != 0 || (kind == TargetKind::dots && (rows < 3 || count / rows < 4))) continue;
+      if (count % rows != 0 || (kind == TargetKind::dots && (rows < 3 || count / rows < 4)))
+        continue;
       for (const bool asymmetric : {false, true}) {
         Target target;
         target.kind = kind;

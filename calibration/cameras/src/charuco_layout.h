@@ -8,8 +8,8 @@
 namespace semblance {
 
 /// The cells (column, row) of the markers by id: the white ones, row by row from the upper left.
-/// The older layout begins with black in the lower left, so that with an even number of rows the upper
-/// left is white.
+/// The older layout begins with black in the lower left, so that with an even number of rows the
+/// upper left is white.
 inline std::vector<Eigen::Vector2i> charuco_cells(const Target& target) {
   const int shift = target.legacy ? (target.rows - 1) % 2 : 0;
   std::vector<Eigen::Vector2i> cells;

@@ -87,9 +87,9 @@ bool add_predicted(const cv::Mat& grey, const Cell& cell, ChessLattice& board) {
   const auto look = look_at_saddle(grey, *place, std::max(2.5, 0.2 * step));
   const Vector2d found = vector_of(*place);
   const auto neighbour_cell =
-      std::find_if(board.lattice.begin(), board.lattice.end(),
-                   [&](const auto& node) { return node.second == neighbour; })
-          ->first;
+      std::find_if(board.lattice.begin(), board.lattice.end(), [&](const auto& node) {
+        return node.second == neighbour;
+      })->first;
   const bool adjacent =
       std::abs(neighbour_cell.first - cell.first) + std::abs(neighbour_cell.second - cell.second) ==
       1;
@@ -130,18 +130,19 @@ ChessLattice search_level(const cv::Mat& grey, int columns, int rows) {
     const auto seed = seed_at(points, looks, i);
     if (!seed) continue;
     ++seeds;
-    ChessLattice board{points, looks,
-                       grow_lattice(
-                           points, *seed,
-                           [&](int a, int b) { return may_adjoin(looks[a], looks[b]); },
-                           kTolerance)};
+    ChessLattice board{
+        points, looks,
+        grow_lattice(
+            points, *seed, [&](int a, int b) { return may_adjoin(looks[a], looks[b]); },
+            kTolerance)};
     for (const auto& [cell, point] : board.lattice) tried[point] = true;
     trim_lattice(board.lattice, kBorderShare);
     if (board.lattice.size() < 4 || board.lattice.size() <= best.lattice.size()) continue;
     complete_lattice(grey, board);
     best = std::move(board);
     const CellRange range = cell_range(best.lattice);
-    if (best.complete() && std::minmax({range.columns(), range.rows()}) == std::minmax({columns, rows})) {
+    if (best.complete() &&
+        std::minmax({range.columns(), range.rows()}) == std::minmax({columns, rows})) {
       break;
     }
   }
@@ -228,8 +229,11 @@ Lattice turned(const Lattice& lattice, int quarters) {
 
 ChessLattice find_chess_lattice(const cv::Mat& grey, int columns, int rows) {
   ChessLattice best;
-  const int factor = std::max(1, std::max(grey.cols, grey.rows) / kSearchSide);
-  for (int scale = factor; scale >= 1; scale = scale > 1 ? 1 : 0) {
+  // At the usual size first, then finer for small squares, then coarser for blurred ones.
+  const int usual = std::max(1, std::max(grey.cols, grey.rows) / kSearchSide);
+  std::vector<int> scales = {usual, 2 * usual};
+  if (usual > 1) scales.insert(scales.begin() + 1, 1);
+  for (const int scale : scales) {
     cv::Mat level = grey;
     if (scale > 1) {
       cv::resize(grey, level, {grey.cols / scale, grey.rows / scale}, 0, 0, cv::INTER_AREA);
@@ -262,8 +266,9 @@ void detect_chessboard(const cv::Mat& grey, Detection& detection) {
   }
   if (!board.complete()) {
     detection.warnings.push_back(
-        {Kind::incomplete, fmt::format("{} of {} corners are seen; a chessboard has to be seen whole",
-                                       board.lattice.size(), target.columns * target.rows)});
+        {Kind::incomplete,
+         fmt::format("{} of {} corners are seen; a chessboard has to be seen whole",
+                     board.lattice.size(), target.columns * target.rows)});
     return;
   }
   PointsById points;

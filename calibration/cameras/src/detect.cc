@@ -11,6 +11,7 @@ namespace semblance {
 namespace {
 
 constexpr double kSizeOfUnknown = 1.0;
+constexpr int kLeastSide = 32;             // px; nothing can be read in less
 constexpr std::size_t kLeastMirrored = 8;  // points, before a mirror image is believed
 
 cv::Mat grey_of(const Rgb8& image) {
@@ -21,8 +22,10 @@ cv::Mat grey_of(const Rgb8& image) {
   return grey;
 }
 
-double size_or_one(const Target& target) {
-  return target.size_m > 0.0 ? target.size_m : kSizeOfUnknown;
+Target identify(const Rgb8& image, const Target& automatic, bool& assumed) {
+  if (std::min(image.width, image.height) < kLeastSide) return {};
+  const double size_m = automatic.size_m > 0.0 ? automatic.size_m : kSizeOfUnknown;
+  return identify_sheet(grey_of(image), size_m, assumed);
 }
 
 }  // namespace
@@ -30,12 +33,18 @@ double size_or_one(const Target& target) {
 const char* warning_name(DetectionWarning::Kind kind) {
   using Kind = DetectionWarning::Kind;
   switch (kind) {
-    case Kind::mirrored: return "mirrored";
-    case Kind::wrong_counts: return "wrong_counts";
-    case Kind::incomplete: return "incomplete";
-    case Kind::half_turn: return "half_turn";
-    case Kind::unknown_size: return "unknown_size";
-    case Kind::assumed_counts: return "assumed_counts";
+    case Kind::mirrored:
+      return "mirrored";
+    case Kind::wrong_counts:
+      return "wrong_counts";
+    case Kind::incomplete:
+      return "incomplete";
+    case Kind::half_turn:
+      return "half_turn";
+    case Kind::unknown_size:
+      return "unknown_size";
+    case Kind::assumed_counts:
+      return "assumed_counts";
   }
   return "";
 }
@@ -58,10 +67,14 @@ struct Detector::Impl {
 
   void detect(const cv::Mat& grey, Detection& detection) {
     switch (target.kind) {
-      case TargetKind::chessboard: return detect_chessboard(grey, detection);
-      case TargetKind::circles: return detect_circles(find_dot_lattice(grey), detection);
-      case TargetKind::dots: return detect_dots(find_dot_lattice(grey), detection);
-      default: break;
+      case TargetKind::chessboard:
+        return detect_chessboard(grey, detection);
+      case TargetKind::circles:
+        return detect_circles(find_dot_lattice(grey), detection);
+      case TargetKind::dots:
+        return detect_dots(find_dot_lattice(grey), detection);
+      default:
+        break;
     }
     detect_markers(grey, detection);
     if (detection.found()) return;
@@ -91,14 +104,14 @@ Detection Detector::detect(const Rgb8& image) {
   detection.target = impl_->target;
   detection.width = image.width;
   detection.height = image.height;
-  impl_->detect(grey_of(image), detection);
+  if (std::min(image.width, image.height) >= kLeastSide) impl_->detect(grey_of(image), detection);
   return detection;
 }
 
 Detection detect(const Rgb8& image, const Target& target) {
   if (target.kind != TargetKind::automatic) return Detector(target).detect(image);
   bool assumed = false;
-  const Target sheet = identify_sheet(grey_of(image), size_or_one(target), assumed);
+  const Target sheet = identify(image, target, assumed);
   if (sheet.kind == TargetKind::automatic) {
     Detection none;
     none.width = image.width;
@@ -108,9 +121,10 @@ Detection detect(const Rgb8& image, const Target& target) {
   Detection detection = Detector(sheet).detect(image);
   using Kind = DetectionWarning::Kind;
   if (target.size_m <= 0.0) {
-    detection.warnings.push_back({Kind::unknown_size,
-                                  "a picture does not tell sizes: 1 m is assumed; give the size of a "
-                                  "square, a tag or a step as auto:SIZE"});
+    detection.warnings.push_back(
+        {Kind::unknown_size,
+         "a picture does not tell sizes: 1 m is assumed; give the size of a "
+         "square, a tag or a step as auto:SIZE"});
   }
   if (assumed) {
     detection.warnings.push_back(
@@ -127,7 +141,7 @@ Target identify_target(const std::vector<Rgb8>& images, const Target& automatic)
   std::vector<Vote> votes;
   for (const Rgb8& image : images) {
     bool assumed = false;
-    const Target seen = identify_sheet(grey_of(image), size_or_one(automatic), assumed);
+    const Target seen = identify(image, automatic, assumed);
     if (seen.kind == TargetKind::automatic) continue;
     const auto vote = std::find_if(votes.begin(), votes.end(), [&](const Vote& v) {
       return v.target.kind == seen.kind && v.target.dictionary == seen.dictionary &&
@@ -140,9 +154,8 @@ Target identify_target(const std::vector<Rgb8>& images, const Target& automatic)
       if (seen.rows > vote->target.rows) vote->target = seen;
     }
   }
-  const auto most = std::max_element(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) {
-    return a.count < b.count;
-  });
+  const auto most = std::max_element(
+      votes.begin(), votes.end(), [](const Vote& a, const Vote& b) { return a.count < b.count; });
   return most == votes.end() ? Target{} : most->target;
 }
 

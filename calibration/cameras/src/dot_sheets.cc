@@ -72,9 +72,8 @@ std::map<Cell, int> cells_of(const Target& target) {
 }
 
 bool same_cells(const Lattice& a, const Lattice& b) {
-  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](auto& x, auto& y) {
-           return x.first == y.first;
-         });
+  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(),
+                                            [](auto& x, auto& y) { return x.first == y.first; });
 }
 
 /// The ways in which the whole sheet fits the lattice.
@@ -141,8 +140,8 @@ void warn(Detection& detection, DetectionWarning::Kind kind, std::string text) {
 }  // namespace
 
 Cell asymmetric_cell(int column, int row) {
-  // x + y and y - x of a circle are both even or both odd with 2 (x = 2 column + row mod 2, y = row),
-  // so halves of them number the diagonals. Turned this way the basis stays right-handed.
+  // x + y and y - x of a circle are both even or both odd with 2 (x = 2 column + row mod 2, y =
+  // row), so halves of them number the diagonals. Turned this way the basis stays right-handed.
   const int x = 2 * column + row % 2;
   return {(x + row) / 2, (row - x) / 2};
 }
@@ -187,9 +186,8 @@ void detect_circles(const DotLattice& dots, Detection& detection) {
     }
     return;
   }
-  const auto uppermost = std::min_element(fits.begin(), fits.end(), [](auto& a, auto& b) {
-    return a.at(0).sum() < b.at(0).sum();
-  });
+  const auto uppermost = std::min_element(
+      fits.begin(), fits.end(), [](auto& a, auto& b) { return a.at(0).sum() < b.at(0).sum(); });
   set_points(detection, *uppermost);
   if (fits.size() > 1) {
     warn(detection, Kind::half_turn,

@@ -30,7 +30,9 @@ std::optional<Ellipse> ellipse_of(const std::vector<cv::Point>& contour, const c
     return std::nullopt;
   }
   const cv::RotatedRect fit = cv::fitEllipse(contour);
-  Ellipse e{{fit.center.x, fit.center.y}, 0.5 * fit.size.height, 0.5 * fit.size.width,
+  Ellipse e{{fit.center.x, fit.center.y},
+            0.5 * fit.size.height,
+            0.5 * fit.size.width,
             (fit.angle + 90.0) * std::numbers::pi / 180.0};
   if (e.major_px < e.minor_px) {
     std::swap(e.major_px, e.minor_px);
@@ -44,8 +46,8 @@ std::optional<Ellipse> ellipse_of(const std::vector<cv::Point>& contour, const c
   const double c = std::cos(e.angle_rad), s = std::sin(e.angle_rad);
   for (const cv::Point& p : contour) {
     const Vector2d d = Vector2d(p.x, p.y) - e.centre_px;
-    const double r = std::hypot((c * d.x() + s * d.y()) / e.major_px,
-                                (c * d.y() - s * d.x()) / e.minor_px);
+    const double r =
+        std::hypot((c * d.x() + s * d.y()) / e.major_px, (c * d.y() - s * d.x()) / e.minor_px);
     if (std::abs(r - 1.0) * e.minor_px > 1.0 + 0.1 * e.minor_px) return std::nullopt;
   }
   return e;
@@ -53,7 +55,8 @@ std::optional<Ellipse> ellipse_of(const std::vector<cv::Point>& contour, const c
 
 /// The ellipse whose dual conic has these entries (of a symmetric matrix with lower right entry 1).
 std::optional<Ellipse> ellipse_of_dual(const Eigen::Matrix<double, 5, 1>& dual) {
-  // For centre m and shape S (points x with (x-m)' S^-1 (x-m) = 1) the dual is m m' - S, up to sign.
+  // For centre m and shape S (points x with (x-m)' S^-1 (x-m) = 1) the dual is m m' - S, up to
+  // sign.
   const Vector2d centre(dual[3] / 2.0, dual[4] / 2.0);
   Eigen::Matrix2d shape;
   shape << dual[0], dual[1] / 2.0, dual[1] / 2.0, dual[2];

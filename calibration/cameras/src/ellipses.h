@@ -1,4 +1,5 @@
-// Ellipses of a picture: dark round dots on light ground. Places have the first pixel's centre at (0, 0).
+// Ellipses of a picture: dark round dots on light ground. Places have the first pixel's centre at
+// (0, 0).
 #pragma once
 
 #include <Eigen/Core>
@@ -21,8 +22,8 @@ struct Ellipse {
 std::vector<Ellipse> find_ellipses(const cv::Mat& grey);
 
 /// Fits the dual conic to the gradients around an outline (Ouellet and Hebert 2009): each pixel's
-/// gradient says a line that the ellipse touches, so blur does not shift it. None where that is no ellipse
-/// near the start.
+/// gradient says a line that the ellipse touches, so blur does not shift it. None where that is no
+/// ellipse near the start.
 std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start);
 
 }  // namespace semblance

@@ -23,7 +23,8 @@ class Grower {
 
   Lattice grow() {
     place({0, 0}, seed_.point);
-    // Nodes are asked again after their surroundings have grown: a later prediction is a better one.
+    // Nodes are asked again after their surroundings have grown: a later prediction is a better
+    // one.
     while (!open_.empty()) {
       const Cell cell = open_.front();
       open_.pop_front();

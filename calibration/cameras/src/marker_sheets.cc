@@ -26,8 +26,8 @@ QuadLayout charuco_layout(const Target& target) {
   for (std::size_t id = 0; id < cells.size(); ++id) {
     const Vector2d corner = target.size_m * cells[id].cast<double>() + Vector2d(margin, margin);
     const double side = target.marker_m;  // OpenCV's order: clockwise from the upper left
-    layout[static_cast<int>(id)] = {corner, corner + Vector2d(side, 0), corner + Vector2d(side, side),
-                                    corner + Vector2d(0, side)};
+    layout[static_cast<int>(id)] = {corner, corner + Vector2d(side, 0),
+                                    corner + Vector2d(side, side), corner + Vector2d(0, side)};
   }
   return layout;
 }

@@ -111,8 +111,7 @@ void draw_aprilgrid(const Target& target, SheetShapes& shapes) {
   const double gap = target.gap_ratio * target.size_m;
   for (int row = 0; row <= target.rows; ++row) {
     for (int column = 0; column <= target.columns; ++column) {
-      add_square(shapes,
-                 (target.size_m + gap) * Vector2d(column, row) - Vector2d(gap, gap), gap);
+      add_square(shapes, (target.size_m + gap) * Vector2d(column, row) - Vector2d(gap, gap), gap);
     }
   }
 }
@@ -134,10 +133,13 @@ void draw_dots(const Target& target, SheetShapes& shapes) {
 /// White around the shapes that the detectors need.
 double quiet_zone(const Target& target) {
   switch (target.kind) {
-    case TargetKind::aprilgrid: return 0.5 * target.gap_ratio * target.size_m;
+    case TargetKind::aprilgrid:
+      return 0.5 * target.gap_ratio * target.size_m;
     case TargetKind::chessboard:
-    case TargetKind::charuco: return 0.25 * target.size_m;
-    default: return 0.5 * target.size_m;
+    case TargetKind::charuco:
+      return 0.25 * target.size_m;
+    default:
+      return 0.5 * target.size_m;
   }
 }
 
@@ -153,14 +155,16 @@ std::optional<Vector2d> fitting(const Paper& paper, const Vector2d& needed_m) {
 }
 
 Vector2d paper_size(const std::string& name, const Vector2d& needed_m, const Target& target) {
-  const auto paper = std::find_if(kPapers.begin(), kPapers.end(),
-                                  [&](const Paper& p) { return name == p.name; });
+  const auto paper =
+      std::find_if(kPapers.begin(), kPapers.end(), [&](const Paper& p) { return name == p.name; });
   if (paper == kPapers.end()) {
-    throw InvalidInput(fmt::format("paper '{}': not one of {}", name, fmt::join(paper_names(), ", ")));
+    throw InvalidInput(
+        fmt::format("paper '{}': not one of {}", name, fmt::join(paper_names(), ", ")));
   }
   if (const auto size = fitting(*paper, needed_m)) return *size;
-  const auto larger = std::find_if(kPapers.begin(), kPapers.end(),
-                                   [&](const Paper& p) { return fitting(p, needed_m).has_value(); });
+  const auto larger = std::find_if(kPapers.begin(), kPapers.end(), [&](const Paper& p) {
+    return fitting(p, needed_m).has_value();
+  });
   throw InvalidInput(fmt::format(
       "{} needs {:.0f} x {:.0f} mm with ruler and margins, {} has {:.0f} x {:.0f} mm: {}",
       target_text(target), 1e3 * needed_m.x(), 1e3 * needed_m.y(), name, 1e3 * paper->width_m,
@@ -275,11 +279,19 @@ SheetShapes sheet_shapes(const Target& target) {
   switch (target.kind) {
     case TargetKind::automatic:
       throw InvalidInput("target 'auto' names no sheet: say which, as in chessboard:9x6:0.025");
-    case TargetKind::chessboard: draw_chessboard(target, shapes); break;
-    case TargetKind::charuco: draw_charuco(target, shapes); break;
-    case TargetKind::aprilgrid: draw_aprilgrid(target, shapes); break;
+    case TargetKind::chessboard:
+      draw_chessboard(target, shapes);
+      break;
+    case TargetKind::charuco:
+      draw_charuco(target, shapes);
+      break;
+    case TargetKind::aprilgrid:
+      draw_aprilgrid(target, shapes);
+      break;
     case TargetKind::circles:
-    case TargetKind::dots: draw_dots(target, shapes); break;
+    case TargetKind::dots:
+      draw_dots(target, shapes);
+      break;
   }
   return shapes;
 }

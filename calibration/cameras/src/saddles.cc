@@ -46,11 +46,11 @@ std::vector<double> crossings(const std::array<double, kSamples / 2>& half_turn,
 cv::Mat saddle_strength(const cv::Mat& grey) {
   cv::Mat smooth, xx, yy, xy;
   grey.convertTo(smooth, CV_32F);
-  cv::GaussianBlur(smooth, smooth, {}, 1.5);
+  cv::GaussianBlur(smooth, smooth, {}, 2.0);
   cv::Sobel(smooth, xx, CV_32F, 2, 0);
   cv::Sobel(smooth, yy, CV_32F, 0, 2);
   cv::Sobel(smooth, xy, CV_32F, 1, 1);
-  cv::Mat strength = xy.mul(xy) * 16.0 - xx.mul(yy);  // Sobel's xy is 4 times smaller
+  cv::Mat strength = xy.mul(xy) - xx.mul(yy);
   cv::max(strength, 0.0, strength);
   return strength;
 }
@@ -173,8 +173,8 @@ std::optional<SaddleLook> look_at_saddle(const cv::Mat& grey, cv::Point2f place,
   std::array<double, kSamples> ring;
   for (int i = 0; i < kSamples; ++i) {
     const double angle = 2.0 * kPi * i / kSamples;
-    ring[i] = grey_at(grey, place.x + radius_px * std::cos(angle),
-                      place.y + radius_px * std::sin(angle));
+    ring[i] =
+        grey_at(grey, place.x + radius_px * std::cos(angle), place.y + radius_px * std::sin(angle));
   }
   // Opposite samples are alike: their mean is the signal, their difference must be small.
   std::array<double, kSamples / 2> half_turn;
@@ -229,7 +229,7 @@ std::vector<Saddle> find_saddles(const cv::Mat& picture, std::size_t most) {
     cv::Point2f place;
   };
   std::vector<Peak> peaks;
-  const auto least = static_cast<float>(0.005 * strongest);
+  const auto least = static_cast<float>(0.02 * strongest);
   for (int y = 1; y + 1 < grey.rows; ++y) {
     const float* row = strength.ptr<float>(y);
     const float* around = largest.ptr<float>(y);

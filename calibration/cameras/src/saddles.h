@@ -11,9 +11,9 @@ namespace semblance {
 
 /// How the picture looks on a circle around a saddle point. Directions are angles from x towards y.
 struct SaddleLook {
-  double bright_rad = 0.0;           // the middle of the bright fields, modulo pi
+  double bright_rad = 0.0;            // the middle of the bright fields, modulo pi
   std::array<double, 2> edges_rad{};  // the edges, modulo pi
-  double contrast = 0.0;             // bright over dark, grey levels
+  double contrast = 0.0;              // bright over dark, grey levels
 };
 
 struct Saddle {
@@ -25,15 +25,15 @@ struct Saddle {
 /// fields that face each other, or leaves the picture.
 std::optional<SaddleLook> look_at_saddle(const cv::Mat& grey, cv::Point2f place, double radius_px);
 
-/// Moves the place to the saddle point in a window of +- `half_window_px`; none where that is farther
-/// than `reach_px` away.
+/// Moves the place to the saddle point in a window of +- `half_window_px`; none where that is
+/// farther than `reach_px` away.
 std::optional<cv::Point2f> refine_saddle(const cv::Mat& grey, cv::Point2f place, int half_window_px,
                                          double reach_px);
 
-/// Fits four fields with straight, blurred edges to the pixels within `radius_px`: place, directions
-/// of the edges, brightness, contrast and blur, from where `look` says that they are. Stands far more
-/// noise and blur than cornerSubPix. None where the pixels do not look like that, or the place is farther
-/// than `reach_px` from the start.
+/// Fits four fields with straight, blurred edges to the pixels within `radius_px`: place,
+/// directions of the edges, brightness, contrast and blur, from where `look` says that they are.
+/// Stands far more noise and blur than cornerSubPix. None where the pixels do not look like that,
+/// or the place is farther than `reach_px` from the start.
 std::optional<cv::Point2f> fit_saddle(const cv::Mat& grey, cv::Point2f start,
                                       const SaddleLook& look, double radius_px, double reach_px);
 

@@ -2,6 +2,8 @@
 
 #include <apriltag/tag36h11.h>
 
+#include <algorithm>
+
 #include "tag_family.h"
 
 namespace semblance {
@@ -43,6 +45,7 @@ TagDetector::~TagDetector() = default;
 TagDetector::TagDetector(TagDetector&&) noexcept = default;
 
 std::vector<FoundTag> TagDetector::detect(const std::uint8_t* grey, int width, int height) {
+  if (std::min(width, height) < 32) return {};  // the library's tiles need some room
   // The library only reads the picture, although its type does not say so.
   image_u8_t image{width, height, width, const_cast<std::uint8_t*>(grey)};
   zarray_t* detections = apriltag_detector_detect(impl_->detector.get(), &image);

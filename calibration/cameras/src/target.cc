@@ -22,7 +22,8 @@ constexpr const char* kForms =
     "chessboard:COLUMNSxROWS:SQUARE (inner corners), "
     "charuco:COLUMNSxROWS:SQUARE:DICTIONARY[:MARKER][:legacy] (squares), "
     "aprilgrid:COLUMNSxROWS:TAG:GAP[:borderN][:firstN] (tags; the gap in parts of a tag), "
-    "circles:COLUMNSxROWS:STEP[:asymmetric], dots:COLUMNSxROWS:STEP, auto[:SIZE]; lengths in metres, "
+    "circles:COLUMNSxROWS:STEP[:asymmetric], dots:COLUMNSxROWS:STEP, auto[:SIZE]; lengths in "
+    "metres, "
     "as in chessboard:9x6:0.025";
 
 /// Reads the fields of one text, front to back.
@@ -53,8 +54,7 @@ class TargetText {
     const std::string field = take("COLUMNSxROWS");
     const std::size_t cross = field.find('x');
     const auto columns = integer(field.substr(0, cross));
-    const auto rows =
-        cross == std::string::npos ? std::nullopt : integer(field.substr(cross + 1));
+    const auto rows = cross == std::string::npos ? std::nullopt : integer(field.substr(cross + 1));
     if (!columns || !rows) fail(fmt::format("'{}' is not COLUMNSxROWS, as in 9x6", field));
     target.columns = *columns;
     target.rows = *rows;
@@ -118,8 +118,8 @@ class TargetText {
 };
 
 void check_counts(const TargetText& text, const Target& target, int least_columns, int least_rows) {
-  if (target.columns < least_columns || target.rows < least_rows ||
-      target.columns > kMostPerSide || target.rows > kMostPerSide) {
+  if (target.columns < least_columns || target.rows < least_rows || target.columns > kMostPerSide ||
+      target.rows > kMostPerSide) {
     text.fail(fmt::format("{}x{} is not between {}x{} and {}x{}", target.columns, target.rows,
                           least_columns, least_rows, kMostPerSide, kMostPerSide));
   }
@@ -147,7 +147,8 @@ void read_charuco(TargetText& text, Target& target) {
 void read_aprilgrid(TargetText& text, Target& target) {
   const auto ratio = text.take_number();
   if (!ratio || *ratio <= 0.0 || *ratio > 5.0) {
-    text.fail("the gap in parts of a tag is missing or not in (0, 5], as in aprilgrid:6x6:0.088:0.3");
+    text.fail(
+        "the gap in parts of a tag is missing or not in (0, 5], as in aprilgrid:6x6:0.088:0.3");
   }
   target.gap_ratio = *ratio;
   target.border_bits = text.take_option("border").value_or(1);
@@ -196,8 +197,10 @@ Target parse_target(const std::string& name) {
     return target;
   }
   const std::vector<std::pair<const char*, TargetKind>> kinds = {
-      {"chessboard", TargetKind::chessboard}, {"charuco", TargetKind::charuco},
-      {"aprilgrid", TargetKind::aprilgrid},   {"circles", TargetKind::circles},
+      {"chessboard", TargetKind::chessboard},
+      {"charuco", TargetKind::charuco},
+      {"aprilgrid", TargetKind::aprilgrid},
+      {"circles", TargetKind::circles},
       {"dots", TargetKind::dots}};
   const auto known =
       std::find_if(kinds.begin(), kinds.end(), [&](const auto& k) { return kind == k.first; });
@@ -206,14 +209,21 @@ Target parse_target(const std::string& name) {
   text.take_counts(target);
   target.size_m = text.take_length("the size");
   switch (target.kind) {
-    case TargetKind::charuco: read_charuco(text, target); break;
-    case TargetKind::aprilgrid: read_aprilgrid(text, target); break;
+    case TargetKind::charuco:
+      read_charuco(text, target);
+      break;
+    case TargetKind::aprilgrid:
+      read_aprilgrid(text, target);
+      break;
     case TargetKind::circles:
       target.asymmetric = text.take_word("asymmetric");
       check_counts(text, target, 2, 2);
       break;
-    case TargetKind::dots: check_counts(text, target, 4, 3); break;
-    default: check_counts(text, target, 2, 2);
+    case TargetKind::dots:
+      check_counts(text, target, 4, 3);
+      break;
+    default:
+      check_counts(text, target, 2, 2);
   }
   text.expect_end();
   return target;
@@ -225,7 +235,8 @@ std::string target_text(const Target& target) {
   switch (target.kind) {
     case TargetKind::automatic:
       return target.size_m > 0.0 ? fmt::format("auto:{}", target.size_m) : "auto";
-    case TargetKind::chessboard: return "chessboard:" + counts_and_size;
+    case TargetKind::chessboard:
+      return "chessboard:" + counts_and_size;
     case TargetKind::charuco: {
       const bool usual = target.marker_m == kDefaultMarkerRatio * target.size_m;
       return fmt::format("charuco:{}:{}{}{}", counts_and_size, target.dictionary,
@@ -238,7 +249,8 @@ std::string target_text(const Target& target) {
                          target.first_id > 0 ? fmt::format(":first{}", target.first_id) : "");
     case TargetKind::circles:
       return "circles:" + counts_and_size + (target.asymmetric ? ":asymmetric" : "");
-    case TargetKind::dots: return "dots:" + counts_and_size;
+    case TargetKind::dots:
+      return "dots:" + counts_and_size;
   }
   return {};
 }

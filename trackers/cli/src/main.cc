@@ -57,11 +57,9 @@ int main(int argc, char** argv) {
   cli::add_track_commands(app, context);
   cli::add_sweep_commands(app, context);
   cli::add_synth_commands(app, context);
+  cli::add_calibrate_commands(app, context);
   cli::add_demo_command(app, context);
   cli::add_compare_command(app, context);
-  CLI::App* calibrate = app.add_subcommand("calibrate", "Cameras and their files");
-  calibrate->require_subcommand(1);
-  cli::add_calibrate_convert_command(*calibrate, context);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

@@ -30,11 +30,11 @@ const char* warning_name(DetectionWarning::Kind kind);
 /// Points of one sheet in one picture. Their deviations are not known here: they follow from the
 /// residuals of whoever fits a camera to them.
 struct Detection {
-  Target target;                 // the sheet; automatic where none was recognised
-  std::vector<int> ids;          // of `target` (point_ids), ascending
-  Eigen::Matrix2Xd points_px;    // one column for each id; pixel centres at +0.5
-  int width = 0, height = 0;     // of the picture
-  bool inverted = false;         // printed white on black (ChArUco)
+  Target target;               // the sheet; automatic where none was recognised
+  std::vector<int> ids;        // of `target` (point_ids), ascending
+  Eigen::Matrix2Xd points_px;  // one column for each id; pixel centres at +0.5
+  int width = 0, height = 0;   // of the picture
+  bool inverted = false;       // printed white on black (ChArUco)
   std::vector<DetectionWarning> warnings;
 
   bool found() const { return !ids.empty(); }
@@ -43,15 +43,15 @@ struct Detection {
 /// Detects sheets, one picture after another. Keeps tables between pictures, so that one detector
 /// should serve a whole video; one thread at a time.
 ///
-/// Tags and markers: AprilTag's and OpenCV's detectors; sheets may be seen in part. A marker counts where its
-/// neighbours on the sheet agree with it, so that false readings do not pass. Points that are
-/// missing are searched where their neighbours predict them, which follows any smooth distortion.
-/// Chessboards: saddle points, joined to a lattice from neighbour to neighbour; all of the corners
-/// must be seen. Corners are refined by OpenCV's cornerSubPix in a window that fits the sheet.
-/// Circles and dots: dual conics through the gradients at their outlines (Ouellet and Hebert,
-/// "Precise ellipse estimation without contour point extraction", Machine Vision and Applications
-/// 21, 2009). The centre of an ellipse is not quite the image of the circle's centre; for a circle
-/// of radius r px seen at an angle the two differ by less than r^2 / focal_px.
+/// Tags and markers: AprilTag's and OpenCV's detectors; sheets may be seen in part. A marker counts
+/// where its neighbours on the sheet agree with it, so that false readings do not pass. Points that
+/// are missing are searched where their neighbours predict them, which follows any smooth
+/// distortion. Chessboards: saddle points, joined to a lattice from neighbour to neighbour; all of
+/// the corners must be seen. Corners are refined by OpenCV's cornerSubPix in a window that fits the
+/// sheet. Circles and dots: dual conics through the gradients at their outlines (Ouellet and
+/// Hebert, "Precise ellipse estimation without contour point extraction", Machine Vision and
+/// Applications 21, 2009). The centre of an ellipse is not quite the image of the circle's centre;
+/// for a circle of radius r px seen at an angle the two differ by less than r^2 / focal_px.
 class Detector {
  public:
   /// Throws InvalidInput where the sheet is not one of `parse_target`'s.

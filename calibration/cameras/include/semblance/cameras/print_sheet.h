@@ -30,7 +30,8 @@ struct SheetShapes {
 /// Throws InvalidInput for `auto`, which names no sheet.
 SheetShapes sheet_shapes(const Target& target);
 
-/// Paper upright or lying, whichever the sheet needs: a5, a4, a3, a2, a1, a0, letter, legal, tabloid.
+/// Paper upright or lying, whichever the sheet needs: a5, a4, a3, a2, a1, a0, letter, legal,
+/// tabloid.
 std::vector<std::string> paper_names();
 
 /// Writes the sheet at true scale as PDF or SVG (by the extension), with a ruler of 100 mm (shorter

@@ -28,7 +28,8 @@ class TagDetector {
   ~TagDetector();
   TagDetector(TagDetector&&) noexcept;
 
-  /// Every tag of an 8-bit grey picture of `width` pixels a row. An id may appear more than once.
+  /// Every tag of an 8-bit grey picture of `width` pixels a row, none where a side has less
+  /// than 32. An id may appear more than once.
   std::vector<FoundTag> detect(const std::uint8_t* grey, int width, int height);
 
  private:

@@ -23,31 +23,37 @@ enum class TargetKind { automatic, chessboard, charuco, aprilgrid, circles, dots
 ///   automatic   auto[:SIZE]                                       found          as the kind found
 ///
 /// Chessboard: a black square is in the upper left corner. The origin is point 0. Where columns and
-/// rows are both even or both odd, half a turn leaves the sheet as it is; no chessboard differs from
-/// one that is mirrored.
+/// rows are both even or both odd, half a turn leaves the sheet as it is; no chessboard differs
+/// from one that is mirrored.
+///
 /// ChArUco: OpenCV's board (4.6 and later, and with `legacy` the older layout, which differs where
-/// rows are even). MARKER is the side of a marker, 0.75 squares where it is not given. White on black is
-/// recognised. The points are the inner corners; the origin is the pattern's upper left corner.
+/// rows are even). MARKER is the side of a marker, 0.75 squares where it is not given. White on
+/// black is recognised. The points are the inner corners; the origin is the pattern's upper left
+/// corner.
+///
 /// AprilGrid: Kalibr's sheet of tag36h11: side of a tag with its black border, the gap in parts of
 /// that side, a border of `border2` bits instead of 1, the first tag's id (0). Tag ids grow to the
-/// right and upwards from the lower left. The origin is the upper left corner of the upper left tag.
+/// right and upwards from the lower left. The origin is the upper left corner of the upper left
+/// tag.
+///
 /// Circles: OpenCV's grids. Symmetric: the step is the distance of neighbours (half a turn leaves
 /// the sheet as it is). Asymmetric: circle (i, j) is at x = (2 i + j mod 2) steps, y = j steps. The
 /// origin is point 0.
-/// Dots: a regular grid whose dots are half a step wide but for three of 0.75 steps near the middle:
-/// one at the middle (lower left of it where that falls between dots), one two steps to its right
-/// and one a step below it. They name every dot of a sheet that is seen in part.
+///
+/// Dots: a regular grid whose dots are half a step wide but for three of 0.75 steps: one just left
+/// of the middle, one two steps to its right and one a step below it (`large_dots`). They name
+/// every dot of a sheet that is seen in part.
 struct Target {
   TargetKind kind = TargetKind::automatic;
   int columns = 0, rows = 0;
-  double size_m = 0.0;       // automatic: 0 where it is not known
-  double marker_m = 0.0;     // charuco
-  double gap_ratio = 0.0;    // aprilgrid
-  std::string dictionary;    // charuco: OpenCV's name
-  int border_bits = 1;       // aprilgrid
-  int first_id = 0;          // aprilgrid
-  bool asymmetric = false;   // circles
-  bool legacy = false;       // charuco
+  double size_m = 0.0;      // automatic: 0 where it is not known
+  double marker_m = 0.0;    // charuco
+  double gap_ratio = 0.0;   // aprilgrid
+  std::string dictionary;   // charuco: OpenCV's name
+  int border_bits = 1;      // aprilgrid
+  int first_id = 0;         // aprilgrid
+  bool asymmetric = false;  // circles
+  bool legacy = false;      // charuco
 
   bool operator==(const Target&) const = default;
 };
