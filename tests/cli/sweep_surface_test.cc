@@ -108,8 +108,8 @@ TEST_F(SweepSurfaceCommand, RefusesContoursThatAreNone) {
     write("contour.svg", "<svg>" + shape + "</svg>");
     expect_refused(spec(R"({"file": "contour.svg", "position": 1})"), message);
   };
-  with_drawing("<rect width='100%' height='4'/>", "width is 100%; a number without unit");
-  with_drawing("<circle r='3mm'/>", "r is 3mm");
+  with_drawing("<rect width='100%' height='4'/>", "width is '100%'; a number without unit");
+  with_drawing("<circle r='3mm'/>", "r is '3mm'");
   with_drawing("<rect width='4' height='4' rx='1'/>", "rounded corners");
   with_points("0 0\n1 1\n", "3 to 65536 different points");
 }
