@@ -13,6 +13,7 @@ set(package_of_pugixml::pugixml pugixml)
 set(package_of_TinyGLTF::TinyGLTF TinyGLTF)
 set(package_of_Pagmo::pagmo Pagmo)
 set(package_of_embree embree)
+set(package_of_meshoptimizer::meshoptimizer meshoptimizer)
 set(package_of_Threads::Threads Threads)
 
 # semblance_package_dependencies(PACKAGES VARIABLE OPENCV VARIABLE)

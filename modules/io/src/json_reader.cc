@@ -54,6 +54,10 @@ std::vector<double> JsonReader::numbers(const char* key, const Json& entry, int 
   return values;
 }
 
+void JsonReader::require(const char* key) {
+  if (find(key) == nullptr) throw InvalidInput(fmt::format("{}: '{}' is missing", where_, key));
+}
+
 const Json* JsonReader::find(const char* key) {
   known_.insert(key);
   const auto it = in_.find(key);

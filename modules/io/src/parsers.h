@@ -9,6 +9,7 @@
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/outline_io.h"
 #include "semblance/io/points.h"
+#include "semblance/io/radial_sweep_io.h"
 #include "semblance/io/track_file.h"
 #include "semblance/io/visemes.h"
 
@@ -22,6 +23,7 @@ LipTrack parse_lip_markers(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
                                    const std::string& id);
+RadialSweep parse_radial_sweep(std::string_view content, const std::string& source);
 Track parse_track(std::string_view content, const std::string& source);
 std::vector<Viseme> parse_visemes(std::string_view content, const std::string& source);
 

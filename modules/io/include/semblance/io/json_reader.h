@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -26,6 +27,20 @@ class JsonReader {
   }
   void text(const char* key, std::string& value);
   void flag(const char* key, bool& value);
+  /// One of `choices` by its name.
+  template <class T>
+  void choice(const char* key, const std::map<std::string, T>& choices, T& value) {
+    std::string name;
+    text(key, name);
+    if (name.empty()) return;
+    const auto found = choices.find(name);
+    if (found == choices.end()) {
+      std::string list;
+      for (const auto& [known, unused] : choices) list += (list.empty() ? "" : ", ") + known;
+      fail(key, "one of " + list);
+    }
+    value = found->second;
+  }
   /// As many numbers as `value` has rows.
   template <int rows>
   void vector(const char* key, Eigen::Matrix<double, rows, 1>& value) {
@@ -66,6 +81,8 @@ class JsonReader {
       inner.finish();
     }
   }
+  /// Throws unless the object has the key.
+  void require(const char* key);
   /// The entry as it is, or null; counts as asked for.
   const nlohmann::json* find(const char* key);
   /// Throws if the object has a key that nothing asked for.
