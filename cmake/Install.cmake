@@ -15,6 +15,7 @@ set(package_of_yaml-cpp yaml-cpp)
 set(package_of_TinyGLTF::TinyGLTF TinyGLTF)
 set(package_of_Pagmo::pagmo Pagmo)
 set(package_of_embree embree)
+set(package_of_meshoptimizer::meshoptimizer meshoptimizer)
 set(package_of_Threads::Threads Threads)
 set(package_of_apriltag::apriltag apriltag)
 

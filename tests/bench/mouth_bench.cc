@@ -1,4 +1,5 @@
-// Positions of the whole animated wireframe of 16 markers (160 points) at a time, on one core.
+// A mouth animated from key frames, on one core: positions of the whole wireframe of 16 markers
+// (160 points) at a time, and the choice of key frames.
 #include <benchmark/benchmark.h>
 
 #include "semblance/models/mouth_keys.h"
@@ -26,6 +27,14 @@ void mouth_wireframe(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(mouth_wireframe)->Name("mouth_wireframe/16");
+
+/// Tracks of as many frames, down to 1 pixel.
+void mouth_keys(benchmark::State& state) {
+  const LipTrack track = testing::TalkingMouth{}.track(static_cast<int>(state.range(0)), 25.0);
+  for (auto _ : state) benchmark::DoNotOptimize(choose_keys(track, {}));
+  state.SetItemsProcessed(state.iterations() * state.range(0));
+}
+BENCHMARK(mouth_keys)->Name("mouth_keys")->Arg(150)->Arg(1500)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace semblance

@@ -83,6 +83,34 @@ TEST_F(SweepReconstruct, ScansAndReconstructs) {
   EXPECT_TRUE(fs::exists(path("views.png")));
 }
 
+TEST_F(SweepReconstruct, RestoresTheSameSurfaceFromItsFile) {
+  const std::vector<std::vector<std::string>> methods{
+      {"--budget", "12", "--panel-columns", "20"},
+      {"--method", "one-sided", "--form", "single", "-n", "0.3"},
+      {"--method", "fitted", "--fit", "profile"}};
+  for (const std::vector<std::string>& method : methods) {
+    std::vector<std::string> arguments{"reconstruct", path("vase.json")};
+    arguments.insert(arguments.end(), method.begin(), method.end());
+    const ProgramResult run = sweep(arguments);
+    ASSERT_EQ(run.exit_code, 0) << run.output;
+    const ProgramResult restored = run_program(
+        {"sweep", "restore", path("out/stored.json"), "-o", path("again"), "--format", "png16"});
+    ASSERT_EQ(restored.exit_code, 0) << restored.output;
+    for (const char* name :
+         {"reconstruction.ply", "range_map.json", "range_map.png", "range_map_samples.png"}) {
+      const std::string bytes = file_bytes(path("out/") + name);
+      EXPECT_FALSE(bytes.empty());
+      EXPECT_EQ(file_bytes(path("again/") + name), bytes) << name;
+    }
+  }
+}
+
+TEST_F(SweepReconstruct, RestoresNothingFromOtherFiles) {
+  expect_failure({"restore", path("vase.json")}, kBadInput, "semblance.radial_sweep/1");
+  expect_failure({"restore", path("absent.json")}, kBadInput, "absent.json");
+  expect_failure({"restore", path("vase.json"), "--picture", path("a.tiff")}, kBadInput, ".png");
+}
+
 TEST_F(SweepReconstruct, ComparesAtEqualNumbers) {
   const std::string json_path = path("summary.json");
   const ProgramResult run = sweep({"reconstruct", path("vase.json"), "--compare",
@@ -123,8 +151,10 @@ TEST_F(SweepReconstruct, RefusesWhatItCannotUse) {
                  "above -1");
   expect_failure({"reconstruct", path("vase.json"), "--budget", "1"}, kBadInput,
                  "raise the budget");
+  expect_failure({"reconstruct", path("vase.json"), "--picture", path("a.tiff")}, kBadInput,
+                 ".png");
   expect_failure({"reconstruct", path("vase.json"), "--method", "averaged", "--budget", "3"},
-                 kBadInput, "choose between 2 and 48");
+                 kBadInput, "raise the budget");
   expect_failure({"reconstruct", path("absent.json")}, kBadInput, "absent.json");
   expect_failure({"reconstruct", path("vase.exr")}, kBadInput, "was expected");
   expect_failure({"scan", path("vase.ply"), "--axis-point", "5", "0", "0"}, kBadInput, "vase.ply");
@@ -137,6 +167,12 @@ TEST_F(SweepReconstruct, ExplainsWrongUsage) {
   expect_failure({"reconstruct", path("vase.json"), "--method", "magic"}, kWrongUsage, "--method");
   expect_failure({"reconstruct", path("vase.json"), "--every", "5", "--budget", "9"}, kWrongUsage,
                  "--budget");
+  // Options without effect.
+  expect_failure({"reconstruct", path("vase.json"), "--form", "single"}, kWrongUsage, "--form");
+  expect_failure({"reconstruct", path("vase.json"), "-n", "2"}, kWrongUsage, "--blend");
+  expect_failure({"reconstruct", path("vase.json"), "--rows", "64"}, kWrongUsage, "--rows");
+  expect_failure({"reconstruct", path("vase.json"), "--compare-budgets", "9"}, kWrongUsage,
+                 "--compare");
   expect_failure({"scan", path("vase.ply"), "--rows", "1"}, kWrongUsage, "--rows");
   expect_failure({"scan", path("vase.ply"), "--unit-m", "-1"}, kWrongUsage, "--unit-m");
   expect_failure({"reconstruct", path("vase.json"), "--panel-columns", "0"}, kWrongUsage,

@@ -82,6 +82,18 @@ TEST_F(SweepSurfaceCommand, RefusesWhatItCannotUse) {
   expect_refused(spec(R"({"file": "absent.csv", "position": 1})"), "absent.csv");
 }
 
+TEST_F(SweepSurfaceCommand, RefusesNamesItCannotWrite) {
+  write("sweep.json", spec(square));
+  for (const auto& [mesh, picture] :
+       {std::pair{"out.stl", "out.png"}, std::pair{"out.ply", "out.tiff"}}) {
+    const ProgramResult result = run_program(
+        {"sweep", "surface", path("sweep.json"), "-o", path(mesh), "--picture", path(picture)});
+    EXPECT_EQ(result.exit_code, 3) << result.output;
+    EXPECT_FALSE(fs::exists(path(mesh)));
+    EXPECT_FALSE(fs::exists(path(picture)));
+  }
+}
+
 TEST_F(SweepSurfaceCommand, RefusesContoursThatAreNone) {
   const auto with_points = [&](const std::string& points, const std::string& message) {
     write("contour.csv", points);
@@ -92,6 +104,13 @@ TEST_F(SweepSurfaceCommand, RefusesContoursThatAreNone) {
   with_points("1 1\n-1 -1\n1 -1\n-1 1\n", "contour.csv: the contour crosses itself");
   with_points("1 0\n-1 0\n0 1\n0 -1\n0.5 0.5\n", "put the points in order");
   with_points("5 0\n6 0\n6 1\n", "every ray from its trajectory meets it once");
+  const auto with_drawing = [&](const std::string& shape, const std::string& message) {
+    write("contour.svg", "<svg>" + shape + "</svg>");
+    expect_refused(spec(R"({"file": "contour.svg", "position": 1})"), message);
+  };
+  with_drawing("<rect width='100%' height='4'/>", "width is '100%'; a number without unit");
+  with_drawing("<circle r='3mm'/>", "r is '3mm'");
+  with_drawing("<rect width='4' height='4' rx='1'/>", "rounded corners");
   with_points("0 0\n1 1\n", "3 to 65536 different points");
 }
 

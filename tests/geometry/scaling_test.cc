@@ -68,6 +68,11 @@ TEST(ScalingFunction, RejectsFeaturesOutOfOrder) {
   EXPECT_THROW(ScalingFunction(0, 0, {{0.0, 1}}), InvalidInput);
   EXPECT_THROW(ScalingFunction(0, 0, {{1.0, 1}}), InvalidInput);
   EXPECT_THROW(ScalingFunction(NAN, 0), InvalidInput);
+  std::vector<Eigen::Vector2d> features;
+  while (features.size() < 64) features.emplace_back((1.0 + double(features.size())) / 66.0, 0.0);
+  EXPECT_NO_THROW(ScalingFunction(0, 0, features));
+  features.emplace_back(65.0 / 66.0, 0.0);
+  EXPECT_THROW(ScalingFunction(0, 0, features), InvalidInput);
 }
 
 }  // namespace

@@ -124,6 +124,15 @@ TEST(MovingFrame, SaysWhatToUseInstead) {
                     Vector3d::UnitX());
       },
       ThrowsMessage<InvalidInput>(HasSubstr("'up'")));
+  // There and back again: at the far point the curve stands still.
+  for (const FrameKind kind :
+       {FrameKind::frenet, FrameKind::adapted, FrameKind::rotation_minimising}) {
+    EXPECT_THAT(
+        [&] {
+          MovingFrame(make_spline({{0, 0, 0}, {1, 0, 0}, {0, 0, 0}}), kind);
+        },
+        ThrowsMessage<InvalidInput>(HasSubstr("turns back at 50 %")));
+  }
   EXPECT_THROW(make_line({1, 1, 1}, {1, 1, 1}), InvalidInput);
   EXPECT_THROW(make_helix({0, 0, 0}, {0, 0, 1}, {0, 0, 5}, 1.0), InvalidInput);
   EXPECT_THROW(make_spline({{0, 0, 0}, {0, 0, 0}, {1, 0, 0}}), InvalidInput);

@@ -4,7 +4,9 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "semblance/core/errors.h"
 #include "semblance/io/image_io.h"
@@ -68,6 +70,18 @@ TEST_F(RangeMapIo, ReadsWhatItWrote) {
   EXPECT_TRUE(fs::exists(path("scan.exr")));
 }
 
+TEST_F(RangeMapIo, ReadsWhatItWroteOfExtremeRadii) {
+  RangeMap map = make_map();
+  map.radius_m(2, 2) = 1e-9f;                                    // far below a step
+  map.radius_m(0, 3) = std::numeric_limits<float>::quiet_NaN();  // void: no meaning
+  write_range_map(path("scan.json"), map, RangeEncoding::png16);
+  const RangeMap read = read_range_map(path("scan.json"));
+  const float step = 0.1306f / 65535.0f;  // of the largest radius, in row 6 and column 4
+  EXPECT_NEAR(read.radius_m(2, 2), step, 1e-3f * step);
+  EXPECT_NEAR(read.radius_m(6, 4), map.radius_m(6, 4), 1e-7f);
+  EXPECT_TRUE((read.samples == map.samples).all());
+}
+
 TEST_F(RangeMapIo, PicturesStartAtTheTop) {
   write_range_map(path("scan.json"), make_map(), RangeEncoding::png16);
   const Rgb8 marks = read_image_rgb8(path("scan_samples.png"));
@@ -126,6 +140,12 @@ TEST_F(RangeMapIo, RejectsRadiiThatAreNone) {
   json["radius_step_m"] = 1e38;
   write_header(json);
   expect_rejected("finite positive");
+  // A measured sample of an OpenEXR picture that is not a number.
+  write_range_map(path("scan.json"), map, RangeEncoding::exr);
+  cv::Mat picture = cv::imread(path("scan.exr"), cv::IMREAD_UNCHANGED);
+  picture.at<float>(0, 0) = std::numeric_limits<float>::quiet_NaN();
+  cv::imwrite(path("scan.exr"), picture);
+  expect_rejected("row 6 and column 0");
 }
 
 }  // namespace

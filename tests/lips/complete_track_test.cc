@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "painted_mouth.h"
@@ -90,6 +91,40 @@ TEST(BridgeGaps, StatesItsErrorWhereTheOthersDoNotKnow) {
     }
   }
   EXPECT_NEAR(within / static_cast<double>(count), 0.683, 0.1);
+}
+
+TEST(BridgeGaps, StatesMoreWhereTheMouthIsLivelier) {
+  // Every marker wanders by itself, six times as far in every other four seconds.
+  constexpr int kFrames = 3000, kHidden = 7;
+  const auto is_lively = [](int frame) { return frame / 100 % 2 == 1; };
+  auto track = clip(kFrames);
+  Random random(9);
+  std::vector<Vector2d> wander(16, Vector2d::Zero());
+  for (LipEstimate& estimate : track) {
+    const double reach_px = is_lively(estimate.frame) ? 3.0 : 0.5;
+    for (std::size_t i = 0; i < wander.size(); ++i) {
+      wander[i] = 0.9 * wander[i] + reach_px * Vector2d(random.normal(), random.normal());
+      estimate.markers[i].marker.position_px += wander[i];
+    }
+  }
+  std::array<int, 2> within{}, count{};
+  for (int begin = 40; begin + 50 < kFrames; begin += 50) {
+    auto hidden = track;
+    hide(hidden, begin, begin + kHidden, 6);
+    bridge_gaps(hidden);
+    for (int t = begin; t < begin + kHidden; ++t) {
+      const auto row = static_cast<std::size_t>(t);
+      const TrackedMarker& m = hidden[row].markers[6];
+      const Vector2d error = m.marker.position_px - track[row].markers[6].marker.position_px;
+      for (int axis = 0; axis < 2; ++axis) {
+        within[is_lively(t)] += std::abs(error[axis]) < m.sigma_px[axis] ? 1 : 0;
+        ++count[is_lively(t)];
+      }
+    }
+  }
+  for (const int lively : {0, 1}) {
+    EXPECT_NEAR(within[lively] / static_cast<double>(count[lively]), 0.683, 0.1) << lively;
+  }
 }
 
 TEST(BridgeGaps, DoesNotInvent) {

@@ -20,6 +20,7 @@ namespace semblance {
 namespace {
 
 using Eigen::Vector2d;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TalkingMouth;
 using ::testing::ThrowsMessage;
@@ -134,7 +135,9 @@ TEST(MouthKeys, VelocityIsExactForEvenMotion) {
   const Vector2d velocity(31.0, -12.0);
   for (LipFrame& frame : track.frames) {
     frame.time_s = 0.04 * frame.frame + 0.001 * frame.frame * frame.frame;  // uneven
-    for (LipMarker& marker : frame.markers) marker.position_px = frame.time_s * velocity;
+    for (int i = 0; i < 16; ++i) {
+      frame.markers[i].position_px = Vector2d(10.0 * i, 0.0) + frame.time_s * velocity;
+    }
   }
   track.frames[3].markers[7].state = MarkerState::absent;
   track.frames[3].markers[7].position_px = {1e6, 1e6};
@@ -260,6 +263,10 @@ TEST(MouthKeys, RefuseWithAMessage) {
   track.frames[4].markers[6].velocity_px_s = {1e300, 0.0};
   EXPECT_THAT([&] { make_key(track, 4, 0); },
               ThrowsMessage<InvalidInput>(HasSubstr("frame 4: marker 6")));
+  track.frames[3].markers[4].position_px = track.frames[3].markers[0].position_px;
+  EXPECT_THAT([&] { make_key(track, 3, 2); },
+              ThrowsMessage<InvalidInput>(AllOf(HasSubstr("frame 3 cannot be a key frame"),
+                                                HasSubstr("the corners of the mouth"))));
   for (LipFrame& frame : track.frames) {
     if (frame.frame != 2) frame.markers[3].state = MarkerState::absent;
   }

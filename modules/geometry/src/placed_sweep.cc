@@ -205,6 +205,16 @@ int longest_segment(const RangeMap& map, const PlacedSweepOptions& options) {
                                                    std::max<std::int64_t>(least, map.rows() - 1)));
 }
 
+/// The table of all segments' costs, eight bytes each, must fit into memory.
+void require_table_size(const RangeMap& map, std::int64_t panels, std::int64_t longest) {
+  constexpr std::int64_t most = std::int64_t{1} << 28;
+  if (panels * map.rows() * longest > most) {
+    throw InvalidInput("sweep: " + std::to_string(map.rows()) +
+                       " rows are too many to place so few contours in; raise the budget, take "
+                       "wider panels, or scan with fewer rows");
+  }
+}
+
 }  // namespace
 
 RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options) {
@@ -215,6 +225,7 @@ RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options)
   if (options.panel_columns < 1) throw InvalidInput("sweep: a panel needs at least one column");
   const auto columns = static_cast<int>(map.columns());
   const int longest = longest_segment(map, options);
+  require_table_size(map, (columns - 1) / options.panel_columns + 1, longest);
   std::vector<PanelPlan> plans;
   for (int first = 0; first < columns; first += options.panel_columns) {
     const int width = std::min(options.panel_columns, columns - first);
@@ -224,11 +235,7 @@ RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options)
     plans[i].costs = segment_costs(plans[i].truth, map.spacing_m, longest);
   });
   const Rows rows = place_within(plans, options);
-  RadialSweep sweep;
-  sweep.form = SweepForm::double_scaling;
-  sweep.row_count = static_cast<int>(map.rows());
-  sweep.column_count = columns;
-  sweep.spacing_m = map.spacing_m;
+  RadialSweep sweep = empty_sweep(map, SweepForm::double_scaling);
   sweep.numbers_stored = all_numbers(plans, rows, options.fit);
   sweep.panels.resize(plans.size());
   parallel_for(plans.size(), [&](std::size_t i) {

@@ -40,7 +40,7 @@ void check_panel(const SweepPanel& panel, int row_count) {
       (slopes == 0 || (same_size(panel.slope_below, contours, columns) &&
                        same_size(panel.slope_above, contours, columns))) &&
       (same_size(panel.blend, contours - 1, 1) || same_size(panel.blend, contours - 1, columns));
-  if (!sizes) fail("radii, slopes and n of a panel differ in size");
+  if (!sizes || columns == 0) fail("radii, tangents, slopes and n of a panel differ in size");
   if (!(panel.radius_m > 0.0f).all() || !panel.radius_m.isFinite().all()) {
     fail("a contour has a radius that is not finite and positive; fill void samples first");
   }
@@ -72,11 +72,7 @@ void sweep_panel(const RadialSweep& sweep, const SweepPanel& panel, Grid& radii)
 RadialSweep whole_contours(const RangeMap& map, const std::vector<int>& rows, SweepForm form) {
   validate(map, "sweep");
   check_rows(rows, static_cast<int>(map.rows()));
-  RadialSweep sweep;
-  sweep.form = form;
-  sweep.row_count = static_cast<int>(map.rows());
-  sweep.column_count = static_cast<int>(map.columns());
-  sweep.spacing_m = map.spacing_m;
+  RadialSweep sweep = empty_sweep(map, form);
   const auto contours = static_cast<Index>(rows.size());
   SweepPanel panel;
   panel.rows = rows;
@@ -114,8 +110,15 @@ double RadialSweep::mean_contours() const {
 }
 
 void validate(const RadialSweep& sweep) {
-  if (!(sweep.spacing_m > 0.0) || !std::isfinite(sweep.spacing_m)) {
-    fail("the spacing of the rows must be positive");
+  const int most = static_cast<int>(most_range_samples_per_side);
+  if (sweep.row_count < fewest_range_rows || sweep.row_count > most ||
+      sweep.column_count < fewest_range_columns || sweep.column_count > most) {
+    fail(std::to_string(sweep.row_count) + " rows and " + std::to_string(sweep.column_count) +
+         " columns; from 2 x 3 to 8192 x 8192 were expected");
+  }
+  if (!(sweep.spacing_m > 0.0) || !std::isfinite(sweep.spacing_m) ||
+      !std::isfinite(sweep.bottom_m)) {
+    fail("a finite lowest height and a positive spacing of the rows are needed");
   }
   Index column = 0;
   for (const SweepPanel& panel : sweep.panels) {
@@ -137,6 +140,19 @@ Grid sweep_radii(const RadialSweep& sweep) {
     if (sweep.closed_seams[seam]) close_seam(sweep, seam, radii);
   }
   return radii;
+}
+
+RangeMap swept_map(const RadialSweep& sweep) {
+  RangeMap map;
+  map.bottom_m = sweep.bottom_m;
+  map.spacing_m = sweep.spacing_m;
+  map.world_from_map = sweep.world_from_map;
+  map.radius_m = sweep_radii(sweep);
+  const auto usable = (map.radius_m > 0.0f && map.radius_m.isFinite()).eval();
+  map.radius_m = usable.select(map.radius_m, 0.0f);
+  map.samples = RangeMap::Samples::Constant(sweep.row_count, sweep.column_count, RangeSample::none);
+  map.samples = usable.select(RangeSample::measured, map.samples);
+  return map;
 }
 
 std::vector<int> rows_every(int row_count, int step) {

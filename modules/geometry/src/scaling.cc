@@ -52,6 +52,11 @@ MatrixXd clamped_second_derivatives(const VectorXd& knots) {
 
 ScalingFunction::ScalingFunction(double start_slope, double end_slope,
                                  std::vector<Eigen::Vector2d> features) {
+  if (features.size() > most_features) {
+    throw InvalidInput("scaling function: " + std::to_string(features.size()) +
+                       " feature points; at most " + std::to_string(most_features) +
+                       " were expected");
+  }
   const Index count = static_cast<Index>(features.size());
   knots_.resize(count + 2);
   controls_.resize(count + 2);

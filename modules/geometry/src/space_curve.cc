@@ -173,6 +173,11 @@ MovingFrame::MovingFrame(std::shared_ptr<const SpaceCurve> curve, FrameKind kind
   for (int i = 0; i <= steps; ++i) {
     const CurvePoint p = curve_->at(double(i) / steps);
     first.col(i) = p.first.normalized();
+    if (i > 0 && !(first.col(i).dot(first.col(i - 1)) > 0.0)) {
+      throw InvalidInput("trajectory: it stops or turns back at " +
+                         std::to_string(100 * i / steps) +
+                         " % of its way; move the points there so that it goes on");
+    }
     curvature = std::min(curvature, p.first.cross(p.second).norm() / p.first.squaredNorm());
   }
   if (kind == FrameKind::frenet) {

@@ -43,6 +43,17 @@ std::vector<float> freedom(const SweepPanel& panel, int row_count) {
 
 }  // namespace
 
+RadialSweep empty_sweep(const RangeMap& map, SweepForm form) {
+  RadialSweep sweep;
+  sweep.form = form;
+  sweep.row_count = static_cast<int>(map.rows());
+  sweep.column_count = static_cast<int>(map.columns());
+  sweep.bottom_m = map.bottom_m;
+  sweep.spacing_m = map.spacing_m;
+  sweep.world_from_map = map.world_from_map;
+  return sweep;
+}
+
 JointSlopes joint_slopes(const SweepPanel& panel, double spacing_m) {
   JointSlopes slopes{panel.slope_below, panel.slope_above};
   const Index contours = panel.radius_m.rows();

@@ -10,6 +10,9 @@ namespace semblance {
 
 using RowF = Eigen::Array<float, 1, Eigen::Dynamic>;
 
+/// A sweep with the map's sizes and frame, and no panels yet.
+RadialSweep empty_sweep(const RangeMap& map, SweepForm form);
+
 /// Slopes on both sides of every contour of a panel.
 struct JointSlopes {
   Grid below, above;

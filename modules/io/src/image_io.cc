@@ -115,14 +115,18 @@ std::vector<std::uint8_t> encode_image(const Rgb8& image, ImageFormat format) {
   return bytes;
 }
 
-void write_image(const std::string& path, const Rgb8& image) {
+void require_image_name(const std::string& path) {
   const std::string extension = text::lower_extension(path);
   if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
     throw InvalidInput(path + ": an image is written as .png, .jpg or .jpeg");
   }
+}
+
+void write_image(const std::string& path, const Rgb8& image) {
+  require_image_name(path);
   AtomicFile file(path);
-  const auto bytes =
-      encode_image(image, extension == ".png" ? ImageFormat::png : ImageFormat::jpeg);
+  const bool png = text::lower_extension(path) == ".png";
+  const auto bytes = encode_image(image, png ? ImageFormat::png : ImageFormat::jpeg);
   file.stream().write(reinterpret_cast<const char*>(bytes.data()),
                       static_cast<std::streamsize>(bytes.size()));
   file.commit();

@@ -84,6 +84,10 @@ bool JsonReader::required(const char* key) {
   return false;
 }
 
+void JsonReader::require(const char* key) {
+  if (!required(key)) check();
+}
+
 void JsonReader::problem(const std::string& key, const std::string& what) {
   const std::string path = this == &outermost_ ? key : where_ + "." + key;
   outermost_.problems_.push_back(path + ": " + what);

@@ -312,7 +312,12 @@ Eigen::Affine2d parse_transform(std::string_view text, const std::string& source
 double length_of(const pugi::xml_node& node, const char* name, const std::string& source) {
   const char* text = node.attribute(name).as_string("0");
   SvgScanner scan(text, source);
-  return scan.number();
+  const double value = scan.number();
+  if (!scan.at_end() && (scan.word() != "px" || !scan.at_end())) {
+    throw InvalidInput(fmt::format("{}: {} is {}; a number without unit (or px) was expected",
+                                   source, name, text::quoted(text)));
+  }
+  return value;
 }
 
 Points ellipse_points(const Vector2d& centre, const Vector2d& radii) {
@@ -342,6 +347,9 @@ std::optional<Points> shape_points(const pugi::xml_node& node, const std::string
     return ellipse_points({value("cx"), value("cy")}, {value("rx"), value("ry")});
   }
   if (name == "rect") {
+    if (value("rx") != 0.0 || value("ry") != 0.0) {
+      throw InvalidInput(source + ": rounded corners are not read; make the shape a path");
+    }
     const Vector2d a(value("x"), value("y")), size(value("width"), value("height"));
     return Points{a, a + Vector2d(size.x(), 0), a + size, a + Vector2d(0, size.y())};
   }

@@ -10,6 +10,7 @@
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/outline_io.h"
 #include "semblance/io/points.h"
+#include "semblance/io/radial_sweep_io.h"
 #include "semblance/io/track_file.h"
 #include "semblance/io/visemes.h"
 
@@ -23,6 +24,7 @@ LipTrack parse_lip_markers(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
                                    const std::string& id);
+RadialSweep parse_radial_sweep(std::string_view content, const std::string& source);
 Track parse_track(std::string_view content, const std::string& source);
 CameraFile parse_toml_cameras(std::string_view content, const std::string& source);
 CameraFile parse_kalibr(std::string_view content, const std::string& source);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -83,6 +84,11 @@ int picture_row(const RangeMap& map, Eigen::Index row) {
   return static_cast<int>(map.rows() - 1 - row);
 }
 
+/// Where a sample is void the radius has no meaning.
+float largest_radius_m(const RangeMap& map) {
+  return (map.samples == RangeSample::none).select(0.0f, map.radius_m).maxCoeff();
+}
+
 cv::Mat radius_picture(const RangeMap& map, const RangeMapHeader& header) {
   const bool exr = header.encoding == RangeEncoding::exr;
   cv::Mat picture(header.rows, header.columns, exr ? CV_32FC1 : CV_16UC1);
@@ -93,8 +99,10 @@ cv::Mat radius_picture(const RangeMap& map, const RangeMapHeader& header) {
       if (exr) {
         picture.at<float>(picture_row(map, row), column) = radius;
       } else {
+        // A radius that is there never rounds to none.
+        const auto level = std::lround(radius / header.radius_step_m);
         picture.at<std::uint16_t>(picture_row(map, row), column) =
-            static_cast<std::uint16_t>(std::lround(radius / header.radius_step_m));
+            static_cast<std::uint16_t>(radius > 0.0f ? std::max(level, 1L) : 0L);
       }
     }
   }
@@ -170,7 +178,7 @@ void write_range_map(const std::string& header_path, const RangeMap& map, RangeE
                         static_cast<int>(map.columns()),
                         map.bottom_m,
                         map.spacing_m,
-                        map.radius_m.maxCoeff() / steps,
+                        largest_radius_m(map) / steps,
                         map.world_from_map,
                         encoding,
                         name + (encoding == RangeEncoding::exr ? ".exr" : ".png"),

@@ -325,6 +325,12 @@ MouthKey make_key(const LipTrack& track, int row, int neighbours) {
     key.velocity_px_s.push_back(velocity);
     key.depth_px.push_back(0.0);
   }
+  try {
+    mouth_frame(key.position_px);
+  } catch (const InvalidInput& error) {
+    throw InvalidInput(
+        fmt::format("frame {} cannot be a key frame: {}", frame.frame, error.what()));
+  }
   return key;
 }
 

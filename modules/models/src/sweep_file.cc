@@ -22,21 +22,6 @@ using Eigen::Vector3d;
 
 constexpr double degree = std::numbers::pi / 180.0;
 
-// One of `choices` by its name; the value is left alone where the key is absent.
-template <class T>
-void choice(JsonReader& in, const char* key, const std::map<std::string, T>& choices, T& value) {
-  std::string name;
-  in.text(key, name);
-  if (name.empty()) return;
-  const auto found = choices.find(name);
-  if (found == choices.end()) {
-    std::string list;
-    for (const auto& [known, unused] : choices) list += (list.empty() ? "" : ", ") + known;
-    in.fail(key, "one of " + list);
-  }
-  value = found->second;
-}
-
 std::shared_ptr<const SpaceCurve> read_trajectory(JsonReader& in) {
   std::string kind;
   in.text("kind", kind);
@@ -96,8 +81,8 @@ Outline read_contour_outline(JsonReader& in, const std::filesystem::path& folder
     outline.points *= metres_per_unit;
     outline.kind = ContourKind::polygon;
   }
-  choice(in, "kind", {{"smooth", ContourKind::smooth}, {"polygon", ContourKind::polygon}},
-         outline.kind);
+  in.choice("kind", {{"smooth", ContourKind::smooth}, {"polygon", ContourKind::polygon}},
+            outline.kind);
   in.number("turn_deg", turn_deg, -360.0, 360.0);
   in.vector("offset_m", outline.offset_m);
   const Eigen::Matrix2d turn = Eigen::Rotation2D<double>(turn_deg * degree).toRotationMatrix();
@@ -126,8 +111,7 @@ SweepSegment read_segment(JsonReader& in) {
                              n->get<double>()));
   }
   in.number("n", segment.n, -1.0, 1e6);
-  choice(in, "blend", {{"flat", BlendForm::flat}, {"rational", BlendForm::rational}},
-         segment.blend);
+  in.choice("blend", {{"flat", BlendForm::flat}, {"rational", BlendForm::rational}}, segment.blend);
   in.vectors("features_x", segment.features_x);
   in.vectors("features_y", segment.features_y);
   return segment;
@@ -145,19 +129,19 @@ SweepSurface read_sweep(const std::string& path) {
   std::shared_ptr<const SpaceCurve> curve = make_line(Vector3d::Zero(), Vector3d::UnitY());
   in.group("trajectory", [&](JsonReader& inner) { curve = read_trajectory(inner); });
   FrameKind frame = FrameKind::rotation_minimising;
-  choice(in, "frame",
-         {{"frenet", FrameKind::frenet},
-          {"adapted", FrameKind::adapted},
-          {"rotation_minimising", FrameKind::rotation_minimising}},
-         frame);
+  in.choice("frame",
+            {{"frenet", FrameKind::frenet},
+             {"adapted", FrameKind::adapted},
+             {"rotation_minimising", FrameKind::rotation_minimising}},
+            frame);
   std::optional<Vector3d> up;
   if (in.find("up") != nullptr) in.vector("up", up.emplace());
   Correspondence correspondence = Correspondence::polar;
-  choice(in, "correspondence",
-         {{"polar", Correspondence::polar},
-          {"arc_length", Correspondence::arc_length},
-          {"matched", Correspondence::matched}},
-         correspondence);
+  in.choice("correspondence",
+            {{"polar", Correspondence::polar},
+             {"arc_length", Correspondence::arc_length},
+             {"matched", Correspondence::matched}},
+            correspondence);
   int point_count = 256;
   in.number("points", point_count, 3, 1024);
 

@@ -18,6 +18,8 @@ void add_sweep_commands(CLI::App& app, Context& context);
 void add_sweep_surface_command(CLI::App& sweep, Context& context);
 void add_sweep_blends_command(CLI::App& sweep, Context& context);
 void add_sweep_animate_command(CLI::App& sweep, Context& context);
+void add_sweep_scan_command(CLI::App& sweep, Context& context);
+void add_sweep_reconstruct_command(CLI::App& sweep, Context& context);
 void add_synth_commands(CLI::App& app, Context& context);
 void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);

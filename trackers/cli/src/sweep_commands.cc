@@ -1,5 +1,4 @@
 #include "commands.h"
-#include "sweep_reconstruct_command.h"
 
 namespace semblance::cli {
 
@@ -10,6 +9,7 @@ void add_sweep_commands(CLI::App& app, Context& context) {
   add_sweep_surface_command(*sweep, context);
   add_sweep_blends_command(*sweep, context);
   add_sweep_animate_command(*sweep, context);
+  add_sweep_scan_command(*sweep, context);
   add_sweep_reconstruct_command(*sweep, context);
 }
 

@@ -21,11 +21,6 @@ struct SurfaceOptions {
   bool caps = false;
 };
 
-void write_mesh(const std::string& path, const Mesh& mesh) {
-  const bool obj = path.size() > 4 && path.substr(path.size() - 4) == ".obj";
-  obj ? write_obj(path, mesh) : write_ply(path, mesh);
-}
-
 /// The surface from a corner and above, filling the picture, lit from the left.
 Image surface_picture(const Mesh& mesh) {
   const Eigen::Vector3d low = mesh.positions_m.colwise().minCoeff();
@@ -56,6 +51,7 @@ Image surface_picture(const Mesh& mesh) {
 }
 
 void run_surface(const Context& context, const SurfaceOptions& options) {
+  if (!options.picture.empty()) require_image_name(options.picture);
   const SweepSurface surface = read_sweep(options.file);
   const Mesh mesh = surface.mesh(options.around, options.along, options.caps);
   write_mesh(options.mesh, mesh);

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "median.h"
 #include "semblance/core/errors.h"
 #include "semblance/cost/observation.h"
 
@@ -189,12 +190,6 @@ Vector3f discriminant(const Image& linear_rgb, const std::vector<Spot>& dots) {
     throw SolverError("the dots' colour does not differ from that of the lips and the skin");
   }
   return (way / height).cast<float>();
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // ---- one dot -----------------------------------------------------------------------------------

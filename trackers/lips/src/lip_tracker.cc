@@ -6,6 +6,7 @@
 #include <ostream>
 
 #include "assignment.h"
+#include "median.h"
 #include "semblance/core/errors.h"
 #include "semblance/lips/mouth_layout.h"
 
@@ -36,12 +37,6 @@ constexpr double kStepShare = 0.7;                      // of the last step that
 int count_of(const std::vector<std::optional<DotFit>>& fits) {
   return static_cast<int>(
       std::count_if(fits.begin(), fits.end(), [](const auto& fit) { return fit.has_value(); }));
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Index of the candidate of each predicted marker, -1 for none: least sum of squared distances in
@@ -75,6 +70,13 @@ void put(std::ostream& out, const T& value) {
 template <class T>
 void get(std::istream& in, T& value) {
   in.read(reinterpret_cast<char*>(&value), sizeof value);
+}
+
+/// Not every byte is a bool.
+void get(std::istream& in, bool& value) {
+  char byte = 0;
+  get(in, byte);
+  value = byte != 0;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "median.h"
 #include "semblance/geometry/similarity.h"
 
 namespace semblance {
@@ -94,12 +95,6 @@ std::optional<std::pair<int, int>> corners_of(const std::vector<Vector2d>& point
     }
   }
   return best;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// How different two spots look: 0 for equal ones, 1 where they cannot be of one paint.

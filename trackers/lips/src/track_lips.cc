@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "face_lips.h"
+#include "median.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/face/track_face.h"
@@ -31,12 +32,10 @@ double rate_of(const VideoInfo& info) {
   return info.frames_per_second > 0.0 ? info.frames_per_second : kAssumedRate;
 }
 
-double median(std::vector<double> values) {
+/// NaN where no value is finite.
+double median_of_finite(std::vector<double> values) {
   std::erase_if(values, [](double v) { return !std::isfinite(v); });
-  if (values.empty()) return kNan;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return values.empty() ? kNan : median(std::move(values));
 }
 
 TrackHeader header_for(const LipTrackingOptions& options, const VideoInfo& info) {
@@ -191,8 +190,8 @@ void count_markers(const std::vector<LipEstimate>& track, LipTrackingSummary& su
       }
     }
   }
-  summary.median_sigma_px = median(std::move(sigmas));
-  summary.median_opening = median(std::move(openings));
+  summary.median_sigma_px = median_of_finite(std::move(sigmas));
+  summary.median_opening = median_of_finite(std::move(openings));
 }
 
 }  // namespace

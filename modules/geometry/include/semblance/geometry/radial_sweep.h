@@ -46,7 +46,8 @@ struct SweepPanel {
 struct RadialSweep {
   SweepForm form = SweepForm::double_scaling;
   int row_count = 0, column_count = 0;
-  double spacing_m = 0.0;
+  double bottom_m = 0.0, spacing_m = 0.0;  // heights and frame are the map's
+  Rigid3 world_from_map;
   std::vector<SweepPanel> panels;
   /// Whether the seam between a panel and the next one, around the axis, is closed; empty: none is.
   /// What both sides miss there moves them towards each other, most at the seam and nothing from
@@ -61,12 +62,17 @@ struct RadialSweep {
   double mean_contours() const;
 };
 
-/// Throws InvalidInput unless the panels cover the columns in order, every panel's rows increase
-/// from the first row to the last, sizes agree, every radius is positive and finite, and n > -1.
+/// Throws InvalidInput unless rows and columns are in a range map's range, the panels cover the
+/// columns in order, every panel's rows increase from the first row to the last, sizes agree, every
+/// radius is positive and finite, and n > -1.
 void validate(const RadialSweep& sweep);
 
 /// The whole map of radii, row_count x column_count.
 Grid sweep_radii(const RadialSweep& sweep);
+
+/// The same as a range map in the frame of the one that was stored. A path that overshoots beyond
+/// the axis leaves a void sample; all others count as measured.
+RangeMap swept_map(const RadialSweep& sweep);
 
 /// Rows 0, step, 2 step, ... and the last one. Throws InvalidInput if fewer than two contours would
 /// be left or step < 1.
@@ -107,7 +113,8 @@ struct PlacedSweepOptions {
 /// of absolute errors most per number (filled samples count a tenth), with tangents measured on the
 /// map and one price per contour for all panels, such that the limit is kept. Then every joint's
 /// rule, every segment's n and the seams to close are chosen in turn for the smallest sum. Throws
-/// InvalidInput if the limit is too small for two contours per panel.
+/// InvalidInput if the limit is too small for two contours per panel, or if the map has too many
+/// rows for so few contours (more than 2 GiB of segment costs).
 RadialSweep sweep_placed(const RangeMap& map, const PlacedSweepOptions& options);
 
 /// Radial errors over the measured samples.

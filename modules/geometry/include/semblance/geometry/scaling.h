@@ -13,7 +13,9 @@ namespace semblance {
 /// p1) v - p0) (section 3.2.4).
 class ScalingFunction {
  public:
-  /// `features` holds (v, S(v)) with v increasing strictly inside (0, 1). Throws InvalidInput.
+  static constexpr std::size_t most_features = 64;
+  /// `features` holds (v, S(v)), at most `most_features`, with v increasing strictly inside (0, 1).
+  /// Throws InvalidInput.
   explicit ScalingFunction(double start_slope = 0.0, double end_slope = 0.0,
                            std::vector<Eigen::Vector2d> features = {});
   /// The cubic of slope `start_slope` at 0 through (alpha, height), 0 < alpha < 1 (appendix I; the

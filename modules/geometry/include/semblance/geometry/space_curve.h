@@ -49,7 +49,8 @@ class MovingFrame {
   /// `up` chooses what the curve leaves open: of a straight line the plane (adapted), otherwise the
   /// first normal (rotation minimising: the part of `up` across the tangent). By default it is the
   /// y axis, or z where the curve starts along y. Throws InvalidInput with the remedy: no curvature
-  /// somewhere (frenet), trajectory not planar (adapted), `up` along the tangent.
+  /// somewhere (frenet), trajectory not planar (adapted), `up` along the tangent, a trajectory that
+  /// turns back on itself.
   MovingFrame(std::shared_ptr<const SpaceCurve> curve, FrameKind kind,
               std::optional<Eigen::Vector3d> up = std::nullopt);
 

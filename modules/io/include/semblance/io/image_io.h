@@ -18,6 +18,8 @@ Image read_image(const std::string& path);
 /// The same without linearisation.
 Rgb8 read_image_rgb8(const std::string& path);
 
+/// Throws InvalidInput unless the name is one that `write_image` takes.
+void require_image_name(const std::string& path);
 /// Writes an 8-bit sRGB PNG or JPEG (by extension), through a temporary name.
 void write_image(const std::string& path, const Image& linear_rgb);
 void write_image(const std::string& path, const Rgb8& image);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -28,6 +29,20 @@ class JsonReader {
   }
   void text(const char* key, std::string& value, bool may_be_empty = false);
   void flag(const char* key, bool& value);
+  /// One of `choices` by its name.
+  template <class T>
+  void choice(const char* key, const std::map<std::string, T>& choices, T& value) {
+    std::string name;
+    text(key, name);
+    if (name.empty()) return;
+    const auto found = choices.find(name);
+    if (found == choices.end()) {
+      std::string list;
+      for (const auto& [known, unused] : choices) list += (list.empty() ? "" : ", ") + known;
+      fail(key, "one of " + list);
+    }
+    value = found->second;
+  }
   /// As many finite numbers as `value` has rows.
   template <int rows>
   void vector(const char* key, Eigen::Matrix<double, rows, 1>& value) {
@@ -79,6 +94,8 @@ class JsonReader {
   const nlohmann::json* find(const char* key);
   /// Notes a problem if the key is absent; tells whether it is there.
   bool required(const char* key);
+  /// Throws if the key is absent: for what reading cannot go on without.
+  void require(const char* key);
   /// Notes what is wrong with the value of a key.
   void problem(const std::string& key, const std::string& what);
   /// Notes that something else was expected, and throws: for what reading cannot go on without.

@@ -27,4 +27,8 @@ void write_obj(const std::string& path, const Mesh& mesh);
 Mesh read_ply(const std::string& path);
 void write_ply(const std::string& path, const Mesh& mesh);
 
+/// By the extension, .obj or .ply in any case; InvalidInput for others.
+Mesh read_mesh(const std::string& path);
+void write_mesh(const std::string& path, const Mesh& mesh);
+
 }  // namespace semblance

@@ -26,8 +26,8 @@ bool is_complete(const LipFrame& frame);
 /// The key frame in `row` of a track of 16 markers, with depths zero. Each marker's velocity is the
 /// slope of the least-squares line through its positions in that row and up to `neighbours` rows to
 /// either side where it is not absent (report, section 4.4); with `neighbours` = 0 it is the file's
-/// own. Throws InvalidInput if a marker is absent, or alone, so that it has no slope, or so far or
-/// fast that no picture shows it.
+/// own. Throws InvalidInput, naming the frame, if a marker is absent, or alone, so that it has no
+/// slope, or so far or fast that no picture shows it, or if the corners are at one place.
 MouthKey make_key(const LipTrack& track, int row, int neighbours);
 
 /// When choose_keys has enough: at `most_keys`, or as soon as no skipped frame is off by more than

@@ -5,7 +5,7 @@
 #include "semblance/geometry/range_map.h"
 #include "semblance/io/video.h"
 
-namespace semblance::cli {
+namespace semblance {
 
 /// The surface seen from the front, half turned and from the side, under one lamp. Linear RGB.
 Image shaded_views(const RangeMap& map, int height_px);
@@ -14,4 +14,4 @@ Image shaded_views(const RangeMap& map, int height_px);
 /// lies outside the map's surface, blue inside, full at `full_scale_m`; grey where not measured.
 Rgb8 error_picture(const RangeMap& map, const Grid& radius_m, double full_scale_m);
 
-}  // namespace semblance::cli
+}  // namespace semblance

@@ -1,4 +1,4 @@
-#include "scan_comparison.h"
+#include "semblance/pipeline/scan_comparison.h"
 
 #include <fmt/format.h>
 #include <meshoptimizer.h>
@@ -8,8 +8,9 @@
 #include <functional>
 
 #include "semblance/geometry/cylindrical_scan.h"
+#include "semblance/geometry/scan_storage.h"
 
-namespace semblance::cli {
+namespace semblance {
 
 namespace {
 
@@ -32,9 +33,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-StoredScan stored_sweep(const std::string& method, std::int64_t budget, const RangeMap& map,
-                        const std::function<RadialSweep()>& make) {
-  StoredScan row;
+ScanComparison stored_sweep(const std::string& method, std::int64_t budget, const RangeMap& map,
+                            const std::function<RadialSweep()>& make) {
+  ScanComparison row;
   row.method = method;
   row.budget_numbers = budget;
   Stopwatch watch;
@@ -120,8 +121,8 @@ Mesh welded(const Mesh& mesh) {
   return without_unused_vertices(result);
 }
 
-StoredScan stored_mesh(std::int64_t budget, const RangeMap& map, const Mesh& mesh) {
-  StoredScan row;
+ScanComparison stored_mesh(std::int64_t budget, const RangeMap& map, const Mesh& mesh) {
+  ScanComparison row;
   row.method = "triangle mesh, decimated";
   row.budget_numbers = budget;
   Stopwatch watch;
@@ -135,41 +136,39 @@ StoredScan stored_mesh(std::int64_t budget, const RangeMap& map, const Mesh& mes
   return row;
 }
 
-/// Equally spaced contours that take `numbers_per_contour` numbers each.
-std::vector<int> rows_within(const RangeMap& map, std::int64_t budget,
-                             std::int64_t numbers_per_contour) {
-  return rows_equally(static_cast<int>(map.rows()), static_cast<int>(budget / numbers_per_contour));
+/// The sweeps with whole contours that the report knows, and their kin.
+void add_measured(const RangeMap& map, int contours, std::vector<ScanComparison>& rows) {
+  StorageOptions options;
+  options.budget_contours = contours;
+  const std::int64_t budget = contours * static_cast<std::int64_t>(map.columns());
+  const auto add = [&](const std::string& name, StorageMethod method) {
+    options.method = method;
+    rows.push_back(stored_sweep(name, budget, map, [&] { return store_scan(map, options); }));
+  };
+  options.form = SweepForm::single_scaling;
+  add("sweep, null scaling", StorageMethod::null);
+  add("one scaling, one-sided tangents", StorageMethod::one_sided);
+  add("one scaling, averaged", StorageMethod::averaged);
+  options.share = BlendShare::profile;
+  add("one scaling, n per profile", StorageMethod::fitted);
+  options.form = SweepForm::double_scaling;
+  add("two scalings, one-sided tangents", StorageMethod::one_sided);
+  add("two scalings, averaged", StorageMethod::averaged);
+  add("two scalings, n per profile", StorageMethod::fitted);
 }
 
-void add_budget(const RangeMap& map, const Mesh& mesh, std::int64_t budget,
-                std::vector<StoredScan>& rows) {
-  const std::int64_t columns = map.columns();
+void add_budget(const RangeMap& map, const Mesh& mesh, int contours,
+                std::vector<ScanComparison>& rows) {
+  const std::int64_t budget = contours * static_cast<std::int64_t>(map.columns());
   const auto add = [&](const std::string& method, const std::function<RadialSweep()>& make) {
     rows.push_back(stored_sweep(method, budget, map, make));
   };
-  const std::vector<int> plain = rows_within(map, budget, columns),
-                         twice = rows_within(map, budget, 2 * columns),
-                         thrice = rows_within(map, budget, 3 * columns);
+  const std::vector<int> equally = rows_equally(static_cast<int>(map.rows()), contours);
   constexpr std::array splines{SlopeRule::natural, SlopeRule::catmull_rom, SlopeRule::monotone};
   for (const SlopeRule rule : splines) {
-    add(slope_rule_name(rule), [&] { return sweep_spline(map, plain, rule); });
+    add(slope_rule_name(rule), [&] { return sweep_spline(map, equally, rule); });
   }
-  const auto single = SweepForm::single_scaling, both = SweepForm::double_scaling;
-  add("sweep, null scaling",
-      [&] { return sweep_measured(map, plain, MeasuredTangent::null, single); });
-  add("sweep, one-sided tangents",
-      [&] { return sweep_measured(map, thrice, MeasuredTangent::one_sided, single); });
-  add("sweep, averaged tangents",
-      [&] { return sweep_measured(map, twice, MeasuredTangent::averaged, single); });
-  add("sweep, averaged, n per profile", [&] {
-    RadialSweep sweep = sweep_measured(map, thrice, MeasuredTangent::averaged, single);
-    fit_blend(sweep, map, BlendShare::profile);
-    return sweep;
-  });
-  add("two scalings, one-sided",
-      [&] { return sweep_measured(map, thrice, MeasuredTangent::one_sided, both); });
-  add("two scalings, averaged",
-      [&] { return sweep_measured(map, twice, MeasuredTangent::averaged, both); });
+  add_measured(map, contours, rows);
   PlacedSweepOptions placed;
   placed.numbers = budget;
   add("full method", [&] { return sweep_placed(map, placed); });
@@ -184,22 +183,22 @@ void add_budget(const RangeMap& map, const Mesh& mesh, std::int64_t budget,
 
 }  // namespace
 
-std::vector<StoredScan> compare_stored_scans(const RangeMap& map, const Mesh& mesh,
-                                             const std::vector<int>& budgets_contours) {
+std::vector<ScanComparison> compare_stored_scans(const RangeMap& map, const Mesh& mesh,
+                                                 const std::vector<int>& budgets_contours) {
   const Mesh joined = welded(mesh);
-  std::vector<StoredScan> rows;
+  std::vector<ScanComparison> rows;
   for (const int contours : budgets_contours) {
-    add_budget(map, joined, contours * static_cast<std::int64_t>(map.columns()), rows);
+    add_budget(map, joined, contours, rows);
   }
   return rows;
 }
 
-std::string comparison_table(const std::vector<StoredScan>& rows) {
+std::string comparison_table(const std::vector<ScanComparison>& rows) {
   std::string text = fmt::format("{:<36}{:>9}{:>9}{:>8}{:>9}{:>9}{:>9}{:>9}{:>10}{:>11}\n",
                                  "method", "numbers", "bytes", "rows", "mean mm", "rms mm",
                                  "95 % mm", "max mm", "store ms", "restore ms");
   std::int64_t budget = 0;
-  for (const StoredScan& row : rows) {
+  for (const ScanComparison& row : rows) {
     if (row.budget_numbers != budget) {
       budget = row.budget_numbers;
       text += fmt::format("at most {} numbers\n", budget);
@@ -214,4 +213,4 @@ std::string comparison_table(const std::vector<StoredScan>& rows) {
   return text;
 }
 
-}  // namespace semblance::cli
+}  // namespace semblance

@@ -1,4 +1,4 @@
-#include "scan_picture.h"
+#include "semblance/pipeline/scan_picture.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 
 #include "semblance/render/embree_renderer.h"
 
-namespace semblance::cli {
+namespace semblance {
 
 namespace {
 
@@ -80,4 +80,4 @@ Rgb8 error_picture(const RangeMap& map, const Grid& radius_m, double full_scale_
   return picture;
 }
 
-}  // namespace semblance::cli
+}  // namespace semblance
