@@ -128,6 +128,7 @@ Adjustment adjust(const Survey& start, const AdjustmentOptions& options) {
   check_start(start);
   const auto begin = std::chrono::steady_clock::now();
   Adjustment result;
+  result.options = options;
   result.survey = start;
   if (result.survey.time_offset_s.empty()) {
     result.survey.time_offset_s.assign(start.cameras.size(), 0.0);

@@ -32,10 +32,11 @@ UsefulViews useful_views(const std::vector<Detection>& detections, int fewest) {
     result.views.push_back(sheet_view(detections[i]));
   }
   if (static_cast<int>(result.index.size()) >= fewest) return result;
-  throw InvalidInput(fmt::format(
-      "the sheet is seen in {} of {} pictures; {} are needed, tilted against each other. Take more, "
-      "or name the sheet that they show with --target",
-      result.index.size(), detections.size(), fewest));
+  throw InvalidInput(
+      fmt::format("the sheet is seen in {} of {} pictures; {} are needed, tilted against each "
+                  "other. Take more, "
+                  "or name the sheet that they show with --target",
+                  result.index.size(), detections.size(), fewest));
 }
 
 // A survey of the views that a camera could see; `taken` are their indices among the views.
@@ -71,9 +72,8 @@ Start start_at(const Camera& camera, const std::vector<Detection>& detections,
 
 AdjustmentOptions adjustment_options(const BoardOptions& options) {
   AdjustmentOptions result;
-  result.cameras = {CameraFreedom{.aspect = options.aspect,
-                                  .principal = options.principal,
-                                  .pose = false}};
+  result.cameras = {
+      CameraFreedom{.aspect = options.aspect, .principal = options.principal, .pose = false}};
   result.warp = options.warp;
   if (options.keep_outliers) result.outlier_sigmas.reset();
   result.cancelled = options.cancelled;
@@ -95,14 +95,14 @@ double typical_error_px(const Survey& survey) {
     const double length = residual_px(survey, sighting).norm();
     lengths.push_back(std::isfinite(length) ? length : std::numeric_limits<double>::infinity());
   }
-  std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2),
+  std::nth_element(lengths.begin(),
+                   lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2),
                    lengths.end());
   return lengths[lengths.size() / 2];
 }
 
 Fit fit_from(double focal_px, Camera camera, const std::vector<Detection>& detections,
-             const UsefulViews& useful, const std::vector<int>& ids,
-             const BoardOptions& options) {
+             const UsefulViews& useful, const std::vector<int>& ids, const BoardOptions& options) {
   camera.focal_px.setConstant(focal_px);
   Fit fit;
   fit.start = start_at(camera, detections, useful, ids);
@@ -116,8 +116,7 @@ Fit fit_from(double focal_px, Camera camera, const std::vector<Detection>& detec
 }
 
 Fit best_fit(const Camera& camera, const std::vector<Detection>& detections,
-             const UsefulViews& useful, const std::vector<int>& ids,
-             const BoardOptions& options) {
+             const UsefulViews& useful, const std::vector<int>& ids, const BoardOptions& options) {
   Fit best;
   if (camera.lens != Lens::fisheye) {
     if (const auto focal_px = focal_from_sheets(useful.views, camera.principal_px)) {

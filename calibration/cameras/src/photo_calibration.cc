@@ -52,8 +52,9 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
                          const std::vector<Eigen::Vector3d>& rough_points_m, double focal_px,
                          const PhotoOptions& options) {
   if (photos.size() < 2) {
-    throw InvalidInput("points in space need two photos at least, better three or more from "
-                       "different sides");
+    throw InvalidInput(
+        "points in space need two photos at least, better three or more from "
+        "different sides");
   }
   Survey survey;
   Camera camera = Camera::centred(photos[0].width, photos[0].height, focal_px);
@@ -63,10 +64,10 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
   survey.points_m = rough_points_m;
   for (const PhotoMarks& photo : photos) {
     if (photo.width != camera.width || photo.height != camera.height) {
-      throw InvalidInput(fmt::format("{} has {} x {} pixels, but {} has {} x {}: photos of one "
-                                     "camera must be of one size and upright alike",
-                                     photo.name, photo.width, photo.height, photos[0].name,
-                                     camera.width, camera.height));
+      throw InvalidInput(fmt::format(
+          "{} has {} x {} pixels, but {} has {} x {}: photos of one "
+          "camera must be of one size and upright alike",
+          photo.name, photo.width, photo.height, photos[0].name, camera.width, camera.height));
     }
     Eigen::Matrix3Xd points(3, photo.pixels_px.cols());
     const int placement = static_cast<int>(survey.world_from_target.size());

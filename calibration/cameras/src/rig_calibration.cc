@@ -46,8 +46,8 @@ Camera camera_by_itself(const std::vector<RigView>& views, int camera, const std
   try {
     return calibrate_board(detections, names, board_options(options)).camera;
   } catch (const InvalidInput& error) {
-    throw InvalidInput(fmt::format("camera '{}': {}. Or give its intrinsics in a file", name,
-                                   error.what()));
+    throw InvalidInput(
+        fmt::format("camera '{}': {}. Or give its intrinsics in a file", name, error.what()));
   }
 }
 
@@ -56,9 +56,9 @@ std::vector<Camera> start_cameras(const std::vector<RigView>& views,
                                   const RigOptions& options) {
   std::vector<Camera> result;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    result.push_back(cameras[i].camera ? *cameras[i].camera
-                                       : camera_by_itself(views, static_cast<int>(i),
-                                                          cameras[i].name, options));
+    result.push_back(cameras[i].camera
+                         ? *cameras[i].camera
+                         : camera_by_itself(views, static_cast<int>(i), cameras[i].name, options));
     result.back().name = cameras[i].name;
   }
   return result;
@@ -165,7 +165,8 @@ void place_cameras(std::vector<Camera>& cameras, const std::vector<RigCamera>& k
     const Link* best = nullptr;
     std::pair<int, int> pair;
     for (const auto& [candidate, link] : links) {
-      const bool leads_on = reached.count(candidate.first) != 0 && reached.count(candidate.second) == 0;
+      const bool leads_on =
+          reached.count(candidate.first) != 0 && reached.count(candidate.second) == 0;
       if (!leads_on || (best != nullptr && link.points <= best->points)) continue;
       best = &link;
       pair = candidate;
@@ -192,7 +193,8 @@ std::map<int, Rigid3> place_sheets(const std::vector<PosedView>& posed,
       double error_px = 0.0;
       for (const PosedView* view : seen) {
         const Camera& camera = cameras[static_cast<std::size_t>(view->camera)];
-        error_px += sheet_error_px(camera, camera.camera_from_world * world_from_sheet, view->points);
+        error_px +=
+            sheet_error_px(camera, camera.camera_from_world * world_from_sheet, view->points);
       }
       if (!(error_px < least)) continue;
       least = error_px;

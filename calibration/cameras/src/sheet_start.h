@@ -28,7 +28,6 @@ std::optional<Rigid3> sheet_pose(const Camera& camera, const SheetView& view);
 
 /// Root mean squared distance of the view's points from where the pose puts them, pixels; infinite
 /// where a point lies behind the camera.
-double sheet_error_px(const Camera& camera, const Rigid3& camera_from_sheet,
-                      const SheetView& view);
+double sheet_error_px(const Camera& camera, const Rigid3& camera_from_sheet, const SheetView& view);
 
 }  // namespace semblance

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "semblance/core/html_page.h"
 #include "semblance/pipeline/report.h"
 
 namespace semblance {
@@ -198,32 +199,6 @@ class Chart {
 };
 
 }  // namespace
-
-std::string escape_html(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\'':
-        out += "&#39;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 TimeAxis::TimeAxis(const std::vector<TrackFrame>& frames) {
   constexpr double k_usual_frame_s = 0.04;  // where there is no second frame to tell

@@ -10,8 +10,6 @@
 
 namespace semblance {
 
-/// The same text with the five characters that mean something in HTML replaced.
-std::string escape_html(const std::string& text);
 
 /// A quantity with one value per frame; NaN where there is none.
 struct Series {

@@ -1,75 +1,25 @@
 // `semblance calibrate`: sheets found in pictures, sheets to print.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <chrono>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
-#include "semblance/cameras/detect.h"
 #include "semblance/cameras/print_sheet.h"
+#include "semblance/cameras/sheet_pictures.h"
 #include "semblance/core/errors.h"
-#include "semblance/io/image_io.h"
-#include "semblance/io/video.h"
+#include "semblance/core/progress.h"
 
 namespace semblance::cli {
 
 namespace {
 
-constexpr std::size_t kEnoughIdentified = 5;  // pictures that show the sheet of `auto`
-constexpr int kMostLookedAt = 60;
-
-/// A picture and where it is from; `frame` is -1 for a still.
-struct Picture {
-  std::string file;
-  int frame = -1;
-  Rgb8 image;
-
-  std::string name() const { return frame < 0 ? file : fmt::format("{} frame {}", file, frame); }
-};
-
-bool is_still(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
-}
-
-/// Hands every picture to `use`, until it returns false. Videos and folders give their frames.
-void for_each_picture(const std::vector<std::string>& files,
-                      const std::function<bool(const Picture&)>& use) {
-  for (const std::string& file : files) {
-    if (is_still(file)) {
-      if (!use({file, -1, read_image_rgb8(file)})) return;
-      continue;
-    }
-    VideoSource video(file);
-    Picture picture{file, 0, {}};
-    for (; video.next(picture.image); ++picture.frame) {
-      if (!use(picture)) return;
-    }
-  }
-}
-
-Target identify(const std::vector<std::string>& files, const Target& automatic) {
-  std::vector<Rgb8> images;
-  int looked_at = 0;
-  for_each_picture(files, [&](const Picture& picture) {
-    if (identify_target({picture.image}, automatic).kind != TargetKind::automatic) {
-      images.push_back(picture.image);
-    }
-    return images.size() < kEnoughIdentified && ++looked_at < kMostLookedAt;
-  });
-  return identify_target(images, automatic);
-}
-
-nlohmann::ordered_json json_of(const Picture& picture, const Detection& detection) {
+nlohmann::ordered_json json_of(const SheetPictures& pictures, std::size_t index) {
+  const Detection& detection = pictures.detections[index];
   nlohmann::ordered_json json;
-  json["file"] = picture.file;
-  if (picture.frame >= 0) json["frame"] = picture.frame;
+  json["file"] = pictures.names[index].file;
+  if (pictures.names[index].frame >= 0) json["frame"] = pictures.names[index].frame;
   json["size_px"] = {detection.width, detection.height};
   json["ids"] = detection.ids;
   json["points_px"] = nlohmann::json::array();
@@ -89,69 +39,34 @@ struct DetectOptions {
   std::string target;
 };
 
-/// What to say where no picture shows the sheet: perhaps they show another.
-std::string nothing_found(const DetectOptions& options, const Target& target) {
-  std::string text = fmt::format("no picture shows the sheet {}", options.target);
-  if (target.kind == TargetKind::automatic) return text + " (no sheet of a known kind is seen)";
-  const Target seen = identify(options.files, {});
-  if (seen.kind == TargetKind::automatic) return text + ", nor another one of a known kind";
-  return fmt::format("{}: they seem to show {} (its size is not known: give yours for 1)", text,
-                     target_text(seen));
-}
-
 void run_detect(const Context& context, const DetectOptions& options) {
-  Target target = parse_target(options.target);
-  const bool automatic = target.kind == TargetKind::automatic;
-  if (automatic) {
-    const Target found = identify(options.files, target);
-    if (found.kind == TargetKind::automatic) throw SolverError(nothing_found(options, target));
-    fmt::print("sheet: {}{}\n", target_text(found),
-               target.size_m > 0.0 ? "" : " (a picture tells no sizes: 1 m is assumed)");
-    target = found;
+  const Target asked = parse_target(options.target);
+  const auto progress = console_progress();
+  const SheetPictures pictures = find_sheet(options.files, asked, 0, *progress);
+  if (asked.kind == TargetKind::automatic) {
+    fmt::print("sheet: {}{}\n", target_text(pictures.target),
+               asked.size_m > 0.0 ? "" : " (a picture tells no sizes: 1 m is assumed)");
   }
-  Detector detector(target);
+  const std::size_t points = point_ids(pictures.target).size();
   nlohmann::ordered_json summary;
-  summary["target"] = target_text(target);
-  summary["points_of_sheet"] = point_ids(target).size();
-  int pictures = 0, found = 0;
-  double seconds = 0.0;
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for_each_picture(options.files, [&](const Picture& picture) {
-    const auto start = std::chrono::steady_clock::now();
-    const Detection detection = detector.detect(picture.image);
-    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    fmt::print("{}: {} of {} points\n", picture.name(), detection.ids.size(),
-               point_ids(target).size());
+  summary["target"] = target_text(pictures.target);
+  summary["points_of_sheet"] = points;
+  summary["pictures"] = pictures.names.size();
+  summary["found"] = pictures.found();
+  summary["detect_s"] = pictures.detect_s;
+  summary["images"] = nlohmann::json::array();
+  for (std::size_t i = 0; i < pictures.names.size(); ++i) {
+    const Detection& detection = pictures.detections[i];
+    fmt::print("{}: {} of {} points\n", pictures.names[i].text(), detection.ids.size(), points);
     for (const DetectionWarning& warning : detection.warnings) {
       fmt::print("  {}: {}\n", warning_name(warning.kind), warning.text);
     }
-    ++pictures;
-    found += detection.found() ? 1 : 0;
-    list.push_back(json_of(picture, detection));
-    return true;
-  });
-  summary["pictures"] = pictures;
-  summary["found"] = found;
-  summary["detect_s"] = seconds;
-  summary["images"] = std::move(list);
+    summary["images"].push_back(json_of(pictures, i));
+  }
   write_summary(context, summary.dump(1));
-  if (found == 0) throw SolverError(nothing_found(options, target));
-  fmt::print("{} of {} pictures show the sheet; {:.1f} ms a picture\n", found, pictures,
-             1e3 * seconds / pictures);
-}
-
-/// A wrong name of a sheet is wrong usage.
-CLI::Validator sheet_name() {
-  return CLI::Validator(
-      [](const std::string& text) {
-        try {
-          parse_target(text);
-          return std::string();
-        } catch (const InvalidInput& error) {
-          return std::string(error.what());
-        }
-      },
-      "SHEET");
+  fmt::print("{} of {} pictures show the sheet; {:.1f} ms a picture\n", pictures.found(),
+             pictures.names.size(),
+             1e3 * pictures.detect_s / static_cast<double>(pictures.names.size()));
 }
 
 void add_detect(CLI::App& calibrate, Context& context) {
@@ -201,11 +116,25 @@ void add_print(CLI::App& calibrate, Context& context) {
 
 }  // namespace
 
+CLI::Validator sheet_name() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        try {
+          parse_target(text);
+          return std::string();
+        } catch (const InvalidInput& error) {
+          return std::string(error.what());
+        }
+      },
+      "SHEET");
+}
+
 void add_calibrate_commands(CLI::App& app, Context& context) {
   CLI::App* calibrate = app.add_subcommand("calibrate", "Cameras: sheets, calibration and files");
   calibrate->require_subcommand(1);
   add_detect(*calibrate, context);
   add_print(*calibrate, context);
+  add_calibrate_sheet_commands(*calibrate, context);
   add_calibrate_convert_command(*calibrate, context);
 }
 

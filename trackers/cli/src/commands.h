@@ -25,6 +25,11 @@ void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
 void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
+/// `calibrate board` and `calibrate rig`.
+void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context);
+
+/// A wrong name of a calibration sheet is wrong usage.
+CLI::Validator sheet_name();
 
 /// Creates a folder and those above it; throws IoError where that is refused.
 void make_folder(const std::string& folder);

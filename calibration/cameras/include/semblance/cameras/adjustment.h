@@ -62,6 +62,7 @@ struct AdjustmentCovariance {
 };
 
 struct Adjustment {
+  AdjustmentOptions options;  // as asked for
   Survey survey;              // with the estimates
   std::vector<char> outlier;  // one per sighting
   double rms_px = 0.0;        // root mean squared distance of the sightings that count

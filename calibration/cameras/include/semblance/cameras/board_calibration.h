@@ -11,26 +11,26 @@ namespace semblance {
 
 struct BoardOptions {
   Lens lens = Lens::brown5;
-  bool aspect = true;      // otherwise pixels are square
-  bool principal = true;   // otherwise the middle of the picture
-  bool warp = false;       // the sheet may be bent
+  bool aspect = true;     // otherwise pixels are square
+  bool principal = true;  // otherwise the middle of the picture
+  bool warp = false;      // the sheet may be bent
   bool keep_outliers = false;
   std::function<bool()> cancelled;
 };
 
 /// How one picture fits.
 struct BoardView {
-  std::string name;       // of the picture
+  std::string name;  // of the picture
   int points = 0;
   int outliers = 0;
-  double rms_px = 0.0;    // of all of its points
+  double rms_px = 0.0;  // of all of its points
   /// None where the view did not take part: too few points, or most of them outliers.
   std::optional<Rigid3> camera_from_sheet;
 };
 
 struct BoardCalibration {
-  Camera camera;            // at the origin of its own frame: x right, y down, z forward
-  Adjustment adjustment;    // placements are those of the views that took part, in their order
+  Camera camera;          // at the origin of its own frame: x right, y down, z forward
+  Adjustment adjustment;  // placements are those of the views that took part, in their order
   std::vector<BoardView> views;
   std::vector<int> view_of_placement;
   std::vector<int> point_ids;  // of the survey's points

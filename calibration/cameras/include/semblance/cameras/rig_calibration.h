@@ -30,11 +30,11 @@ struct RigCamera {
 };
 
 struct RigOptions {
-  Lens lens = Lens::brown5;    // of cameras that are not known
-  bool aspect = true;          // otherwise their pixels are square
-  bool principal = true;       // otherwise the middle of the picture
-  bool warp = false;           // the sheet may be bent
-  bool time_offsets = false;   // clocks but the first one's may be off
+  Lens lens = Lens::brown5;   // of cameras that are not known
+  bool aspect = true;         // otherwise their pixels are square
+  bool principal = true;      // otherwise the middle of the picture
+  bool warp = false;          // the sheet may be bent
+  bool time_offsets = false;  // clocks but the first one's may be off
   bool keep_outliers = false;
   std::function<bool()> cancelled;
 };
