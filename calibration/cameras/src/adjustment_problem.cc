@@ -68,6 +68,9 @@ void AdjustmentProblem::add_sightings(const Survey& survey, const std::vector<ch
 
 void AdjustmentProblem::add_lengths(const std::vector<KnownLength>& lengths, double sigma_px) {
   for (const KnownLength& known : lengths) {
+    for (const int end : {known.point_a, known.point_b}) {
+      length_ends_.insert(points_[static_cast<std::size_t>(end)].data());
+    }
     problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<LengthResidual, 1, 3, 3>(
                                   new LengthResidual{known.length_m, sigma_px / known.sigma_m}),
                               nullptr, points_[static_cast<std::size_t>(known.point_a)].data(),
@@ -174,8 +177,10 @@ std::shared_ptr<ceres::ParameterBlockOrdering> AdjustmentProblem::ordering() con
     return !group.empty() && block >= group.front().data() && block <= group.back().data();
   };
   for (double* block : blocks) {
-    const bool first = points_free_ ? among(points_, block) : among(placements_, block);
-    ordering->AddElementToGroup(block, first ? 0 : 1);
+    // Eliminated one by one: they must not share a residual, as the ends of a known length do.
+    const bool alone = points_free_ ? among(points_, block) && length_ends_.count(block) == 0
+                                    : among(placements_, block);
+    ordering->AddElementToGroup(block, alone ? 0 : 1);
   }
   return ordering;
 }

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,7 @@ class AdjustmentProblem {
   std::vector<std::vector<double>> intrinsics_;
   std::vector<PoseBlock> camera_poses_, placements_;
   std::vector<Eigen::Vector3d> points_;
+  std::set<const double*> length_ends_;  // points of known lengths
   Eigen::Vector3d warp_;
   std::vector<double> offsets_;
 };

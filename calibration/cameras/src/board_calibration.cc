@@ -181,11 +181,11 @@ BoardCalibration calibrate_board(const std::vector<Detection>& detections,
   BoardCalibration result;
   result.point_ids = ids_seen(detections);
   const Fit fit = best_fit(camera, detections, useful, result.point_ids, options);
-  result.camera = fit.adjustment.survey.cameras[0];
-  result.camera.name = "camera";
+  result.adjustment = fit.adjustment;
+  result.adjustment.survey.cameras[0].name = "camera";  // until here the first picture, for errors
+  result.camera = result.adjustment.survey.cameras[0];
   result.views = views_of(fit, names);
   result.view_of_placement = fit.start.taken;
-  result.adjustment = fit.adjustment;
   return result;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <numbers>
 
@@ -191,8 +192,9 @@ class Page {
       out_ += fmt::format(
           "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>"
           "<td class=\"n\">{:.3f}</td></tr>\n",
-          escape_html(name), escape_html(survey.cameras[static_cast<std::size_t>(fit.camera)].name),
-          fit.points, fit.outliers, fit.rms_px());
+          escape_html(std::filesystem::path(name).filename().string()),
+          escape_html(survey.cameras[static_cast<std::size_t>(fit.camera)].name), fit.points,
+          fit.outliers, fit.rms_px());
     }
     out_ += "</table>\n";
   }

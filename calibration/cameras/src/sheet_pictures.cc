@@ -35,6 +35,16 @@ std::string nothing_found(const std::vector<std::string>& files, const Target& t
                      target_text(seen));
 }
 
+// Pictures that show the sheet's mirror image are at fault, not the sheet's name.
+void check_mirrored(const SheetPictures& pictures) {
+  for (std::size_t i = 0; i < pictures.names.size(); ++i) {
+    for (const DetectionWarning& warning : pictures.detections[i].warnings) {
+      if (warning.kind != DetectionWarning::Kind::mirrored) continue;
+      throw InvalidInput(pictures.names[i].text() + ": " + warning.text);
+    }
+  }
+}
+
 // Even steps through the longest of the videos.
 int stride_for(const std::vector<std::string>& files, int most_frames) {
   int longest = 0;
@@ -107,8 +117,9 @@ SheetPictures find_sheet(const std::vector<std::string>& files, const Target& ta
   });
   progress.end();
   if (progress.cancelled()) throw SolverError("interrupted while the sheet was looked for");
-  if (result.found() == 0) throw SolverError(nothing_found(files, target));
-  return result;
+  if (result.found() > 0) return result;
+  check_mirrored(result);
+  throw SolverError(nothing_found(files, target));
 }
 
 }  // namespace semblance
