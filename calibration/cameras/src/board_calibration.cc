@@ -149,7 +149,7 @@ std::vector<int> ids_seen(const std::vector<Detection>& detections) {
 
 std::vector<BoardView> views_of(const Fit& fit, const std::vector<std::string>& names) {
   std::vector<BoardView> views;
-  for (const std::string& name : names) views.push_back({name});
+  for (const std::string& name : names) views.emplace_back().name = name;
   const Survey& survey = fit.adjustment.survey;
   for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
     const auto placement = static_cast<std::size_t>(survey.sightings[i].placement);
