@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "semblance/core/parallel.h"
 #include "shaded_vertices.h"
 
 namespace semblance {
@@ -27,39 +28,50 @@ void shade_vertices(const Scene& scene, int texture_width, int texture_height,
 }  // namespace detail
 
 LightEquations::LightEquations() {
-  for (int c = 0; c < 3; ++c) {
-    normal_[c].setZero();
-    right_[c].setZero();
-  }
+  normal_.setZero();
+  right_.setZero();
 }
 
 void LightEquations::add(const std::array<float, 9>& basis, const float* albedo,
                          const float* observed, double weight) {
-  const Eigen::Matrix<double, 9, 1> y =
-      Eigen::Map<const Eigen::Matrix<float, 9, 1>>(basis.data()).cast<double>();
+  const Eigen::Array<double, 9, 1> y =
+      Eigen::Map<const Eigen::Array<float, 9, 1>>(basis.data()).cast<double>();
+  Eigen::Array<double, kProducts, 1> products;
+  for (int j = 0, p = 0; j < 9; ++j) {
+    for (int i = j; i < 9; ++i) products[p++] = y[i] * y[j];
+  }
   for (int c = 0; c < 3; ++c) {
     const double colour = double{albedo[c]} * albedo[c];
     const double seen = double{observed[c]} * observed[c];
     // d(encoded) = d(linear) / (2 encoded): weighting undoes the encoding to first order.
     const double w = weight / std::max(4.0 * seen, 0.02);
-    normal_[c].selfadjointView<Eigen::Lower>().rankUpdate(y, w * colour * colour);
-    right_[c] += w * colour * seen * y;
+    normal_.col(c) += (w * colour * colour) * products;
+    right_.col(c) += (w * colour * seen) * y;
   }
+}
+
+LightEquations& LightEquations::operator+=(const LightEquations& other) {
+  normal_ += other.normal_;
+  right_ += other.right_;
+  return *this;
 }
 
 ShLight LightEquations::solve(const ShLight& before, double pull, int order) const {
   ShLight light = before;
   for (int c = 0; c < 3; ++c) {
+    Eigen::Matrix<double, 9, 9> system;
+    for (int j = 0, p = 0; j < 9; ++j) {
+      for (int i = j; i < 9; ++i) system(i, j) = system(j, i) = normal_(p++, c);
+    }
     Eigen::Matrix<double, 9, 1> last;
     for (int k = 0; k < 9; ++k) last[k] = before.coefficients[k][c];
-    const double data = std::max(normal_[c](0, 0), 1e-9);
+    const double data = std::max(system(0, 0), 1e-9);
     Eigen::Matrix<double, 9, 1> hold = Eigen::Matrix<double, 9, 1>::Constant(pull * data);
     constexpr double kFixed = 1e6;
     if (order < 2) hold.tail<5>().setConstant(kFixed * data);
-    Eigen::Matrix<double, 9, 9> system = normal_[c].selfadjointView<Eigen::Lower>();
     system.diagonal() += hold;
     const Eigen::Matrix<double, 9, 1> next =
-        system.ldlt().solve(right_[c] + hold.cwiseProduct(last));
+        system.ldlt().solve(right_.col(c).matrix() + hold.cwiseProduct(last));
     if (!next.allFinite()) continue;
     for (int k = 0; k < 9; ++k) light.coefficients[k][c] = static_cast<float>(next[k]);
   }
@@ -71,9 +83,8 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
                        const std::vector<float>& pixel_weight, const LightOptions& options) {
   const SceneObject& object = synthesis.scene.objects.front();
   const AlbedoPyramid::Level& texture = appearance.albedo().levels.front();
-  LightEquations equations;
   const VisiblePixels& seen = synthesis.pixels;
-  for (std::size_t i = 0; i < seen.size(); i += static_cast<std::size_t>(options.stride)) {
+  const auto add_pixel = [&](std::size_t i, LightEquations& equations) {
     const auto& corner = topology.triangles[seen.triangle[i]];
     const float b1 = seen.b1[i], b2 = seen.b2[i], b0 = 1.0f - b1 - b2;
     const Eigen::RowVector3f n =
@@ -92,8 +103,19 @@ ShLight estimate_light(const Synthesis& synthesis, const ObservationLevel& obser
         texture.texels.data() + 4 * (std::size_t{1} * row * texture.width + column);
     equations.add(sh_basis(n[0], n[1], n[2]), texel, observation.colour(seen.pixel[i]),
                   pixel_weight[i] * texel[3]);
-  }
-  return equations.solve(synthesis.scene.light, options.pull, options.order);
+  };
+  // Blocks of a fixed size, summed in their order: the light is the same for any thread count.
+  constexpr std::size_t kBlock = 1024;
+  const auto stride = static_cast<std::size_t>(options.stride);
+  const std::size_t used = (seen.size() + stride - 1) / stride;
+  std::vector<LightEquations> parts((used + kBlock - 1) / kBlock);
+  parallel_for(parts.size(), [&](std::size_t part) {
+    const std::size_t end = std::min(used, (part + 1) * kBlock);
+    for (std::size_t k = part * kBlock; k < end; ++k) add_pixel(k * stride, parts[part]);
+  });
+  LightEquations sum;
+  for (const LightEquations& part : parts) sum += part;
+  return sum.solve(synthesis.scene.light, options.pull, options.order);
 }
 
 }  // namespace semblance

@@ -17,26 +17,23 @@ ObservationLevel make_level(const Image& linear, double scale) {
   level.width = linear.width;
   level.height = linear.height;
   level.scale = scale;
-  const int w = linear.width, h = linear.height;
-  std::vector<float>& encoded = level.encoded;
-  encoded.resize(std::size_t{4} * w * h);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(w) * h; ++i) {
-    for (int c = 0; c < 3; ++c) encoded[4 * i + c] = encode_intensity(linear.data[3 * i + c]);
-    encoded[4 * i + 3] = 0.0f;
-  }
-  level.gradient.resize(std::size_t{8} * w * h);
-  for (int y = 0; y < h; ++y) {
-    const float* row = encoded.data() + std::size_t{4} * y * w;
-    const float* above = encoded.data() + std::size_t{4} * std::max(y - 1, 0) * w;
-    const float* below = encoded.data() + std::size_t{4} * std::min(y + 1, h - 1) * w;
-    float* out = level.gradient.data() + std::size_t{8} * y * w;
-    for (int x = 0; x < w; ++x, out += 8) {
-      const float* left = row + 4 * std::max(x - 1, 0);
-      const float* right = row + 4 * std::min(x + 1, w - 1);
-      for (int c = 0; c < 4; ++c) {
-        out[c] = 0.5f * (right[c] - left[c]);
-        out[4 + c] = 0.5f * (below[4 * x + c] - above[4 * x + c]);
-      }
+  const Eigen::Index w = linear.width, h = linear.height;
+  level.encoded.resize(4, w * h);
+  const Eigen::Map<const Eigen::Array3Xf> colours(linear.data.data(), 3, w * h);
+  level.encoded.topRows<3>() = colours.max(0.0f).sqrt();
+  level.encoded.row(3).setZero();
+
+  level.gradient.resize(8, w * h);
+  for (Eigen::Index y = 0; y < h; ++y) {
+    const Eigen::Index row = y * w;
+    const Eigen::Index above = std::max<Eigen::Index>(y - 1, 0) * w;
+    const Eigen::Index below = std::min(y + 1, h - 1) * w;
+    for (Eigen::Index x = 0; x < w; ++x) {
+      const Eigen::Index left = row + std::max<Eigen::Index>(x - 1, 0);
+      const Eigen::Index right = row + std::min(x + 1, w - 1);
+      auto out = level.gradient.col(row + x);
+      out.head<4>() = 0.5f * (level.encoded.col(right) - level.encoded.col(left));
+      out.tail<4>() = 0.5f * (level.encoded.col(below + x) - level.encoded.col(above + x));
     }
   }
   return level;
@@ -53,11 +50,10 @@ Observation make_observation(Image linear_rgb, int level_count) {
   }
   Observation out;
   out.linear = std::move(linear_rgb);
-  if (level_count > 0) out.levels.push_back(make_level(out.linear, 1.0));
-  Image smaller = out.linear;
-  for (int i = 1; i < level_count; ++i) {
-    smaller = downsample_half(smaller);
-    out.levels.push_back(make_level(smaller, std::pow(0.5, i)));
+  Image smaller;
+  for (int i = 0; i < level_count; ++i) {
+    if (i > 0) smaller = downsample_half(i == 1 ? out.linear : smaller);
+    out.levels.push_back(make_level(i == 0 ? out.linear : smaller, std::pow(0.5, i)));
   }
   return out;
 }

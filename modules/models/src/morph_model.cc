@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "semblance/core/errors.h"
+#include "semblance/core/parallel.h"
 #include "semblance/core/rigid3.h"
 
 namespace semblance {
@@ -389,9 +390,13 @@ bool MorphModel::image_jacobian(const Eigen::VectorXd& x, const std::vector<int>
                                 VertexJacobian& out) const {
   const Motion motion(*this, x, tangent_columns);
   const auto stride = static_cast<std::size_t>(out.cols());
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    motion.write(vertices[i], image_from_world[i], stride, out.data() + 2 * i * stride);
-  }
+  constexpr std::size_t kBlock = 512;  // vertices a task: about 50 us
+  parallel_for((vertices.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+    const std::size_t end = std::min(vertices.size(), (block + 1) * kBlock);
+    for (std::size_t i = block * kBlock; i < end; ++i) {
+      motion.write(vertices[i], image_from_world[i], stride, out.data() + 2 * i * stride);
+    }
+  });
   return true;
 }
 

@@ -19,14 +19,16 @@ class LightEquations {
   /// the linear intensity is weighted so that `weight` is that of the encoded one, to first order.
   void add(const std::array<float, 9>& basis, const float* albedo, const float* observed,
            double weight);
+  LightEquations& operator+=(const LightEquations& other);
   /// Solves each channel with a pull towards `before`, relative to the data's weight on the ambient
   /// term. `order`: of the harmonics that may change, 1 (ambient and direction) or 2. Channels that
   /// cannot be solved keep `before`.
   ShLight solve(const ShLight& before, double pull, int order) const;
 
  private:
-  std::array<Eigen::Matrix<double, 9, 9>, 3> normal_;
-  std::array<Eigen::Matrix<double, 9, 1>, 3> right_;
+  static constexpr int kProducts = 9 * 10 / 2;
+  Eigen::Array<double, kProducts, 3> normal_;  // of each channel: the lower triangle by columns
+  Eigen::Array<double, 9, 3> right_;
 };
 
 struct LightOptions {

@@ -1,6 +1,7 @@
 // An observed image prepared for comparison.
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "semblance/core/image.h"
@@ -15,9 +16,9 @@ float encode_intensity(float linear);
 /// (one-sided ones stall the solver at 0.4 px).
 struct ObservationLevel {
   int width = 0, height = 0;
-  double scale = 1.0;           // pixels of this level per pixel of the full image
-  std::vector<float> encoded;   // 4 per pixel: encoded red, green, blue, 0
-  std::vector<float> gradient;  // 8 per pixel: derivatives per pixel in x, 0, in y, 0
+  double scale = 1.0;  // pixels of this level per pixel of the full image
+  Eigen::Array<float, 4, Eigen::Dynamic> encoded;   // encoded red, green, blue, 0 of each pixel
+  Eigen::Array<float, 8, Eigen::Dynamic> gradient;  // derivatives per pixel in x, 0, in y, 0
 
   const float* colour(int pixel) const { return encoded.data() + std::size_t{4} * pixel; }
 };
