@@ -15,9 +15,9 @@ Eigen::Vector3d random_vector(Random& random, double size) {
 // to the derivative's size. Poses step on their manifold, the others by addition.
 double derivative_error(const Reprojection& cost, std::vector<const double*> blocks, int block) {
   const auto size = static_cast<std::size_t>(cost.parameter_block_sizes()[block]);
-  const bool is_pose = block == kCamera || block == kPlacement;
+  const bool is_pose = block == block_camera || block == block_placement;
   Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> jacobian(2, size);
-  std::vector<double*> jacobians(kBlockCount, nullptr);
+  std::vector<double*> jacobians(block_count, nullptr);
   jacobians[static_cast<std::size_t>(block)] = jacobian.data();
   Eigen::Vector2d residual;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), residual.data(), jacobians.data()));
@@ -74,7 +74,7 @@ TEST_P(ReprojectionOf, HasTheDerivativesOfDifferences) {
     double offset = random.uniform(-0.02, 0.02);
     const std::vector<const double*> blocks{intrinsics.data(), pose.data(), placement.data(),
                                             point.data(),      warp.data(), &offset};
-    for (int block = 0; block < kBlockCount; ++block) {
+    for (int block = 0; block < block_count; ++block) {
       EXPECT_LT(derivative_error(cost, blocks, block), 1e-6) << "block " << block;
     }
   }

@@ -109,15 +109,15 @@ Reprojection::Reprojection(Lens lens, const Sighting& sighting, const Vector3d& 
 
 bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
                             double** jacobians) const {
-  const double* intrinsics = parameters[kIntrinsics];
-  const Map<const Eigen::Quaterniond> camera(parameters[kCamera]);
-  const Map<const Eigen::Quaterniond> placement(parameters[kPlacement]);
-  Vector3d on_target = Map<const Vector3d>(parameters[kPoint]);
-  on_target.z() += warp_shape_.dot(Map<const Vector3d>(parameters[kWarp]));
+  const double* intrinsics = parameters[block_intrinsics];
+  const Map<const Eigen::Quaterniond> camera(parameters[block_camera]);
+  const Map<const Eigen::Quaterniond> placement(parameters[block_placement]);
+  Vector3d on_target = Map<const Vector3d>(parameters[block_point]);
+  on_target.z() += warp_shape_.dot(Map<const Vector3d>(parameters[block_warp]));
   const Vector3d turned_target = placement * on_target;
   const Vector3d turned_world =
-      camera * (turned_target + Map<const Vector3d>(parameters[kPlacement] + 4));
-  const Vector3d seen = turned_world + Map<const Vector3d>(parameters[kCamera] + 4);
+      camera * (turned_target + Map<const Vector3d>(parameters[block_placement] + 4));
+  const Vector3d seen = turned_world + Map<const Vector3d>(parameters[block_camera] + 4);
   if (!(seen.z() > 0.0)) return false;  // behind the camera: Ceres takes a shorter step
 
   const int count = coefficient_count(lens_);
@@ -129,12 +129,12 @@ bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
   // A clock that is off shows the point where it was at another time.
   Map<Vector2d> residual(residuals);
   residual = focal.cwiseProduct(lens.point) + Vector2d(intrinsics[2], intrinsics[3]) - pixel_px_ +
-             parameters[kOffset][0] * velocity_px_s_;
+             parameters[block_offset][0] * velocity_px_s_;
   if (!residual.allFinite() || !(focal.minCoeff() > 0.0)) return false;
   if (jacobians == nullptr) return true;
 
-  if (jacobians[kIntrinsics] != nullptr) {
-    Map<Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>> jacobian(jacobians[kIntrinsics], 2,
+  if (jacobians[block_intrinsics] != nullptr) {
+    Map<Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>> jacobian(jacobians[block_intrinsics], 2,
                                                                      kFixedIntrinsics + count);
     jacobian.col(0) << lens.point.x(), intrinsics[1] * lens.point.y();
     jacobian.col(1) << 0.0, intrinsics[0] * lens.point.y();
@@ -144,19 +144,19 @@ bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
   RowMajor23 d_direction;
   d_direction << 1.0, 0.0, -direction.x(), 0.0, 1.0, -direction.y();
   const RowMajor23 d_seen = focal.asDiagonal() * lens.d_direction * d_direction / seen.z();
-  if (jacobians[kCamera] != nullptr) {
-    write_pose_jacobian(d_seen, turned_world, jacobians[kCamera]);
+  if (jacobians[block_camera] != nullptr) {
+    write_pose_jacobian(d_seen, turned_world, jacobians[block_camera]);
   }
   const RowMajor23 d_world = d_seen * camera.toRotationMatrix();
-  if (jacobians[kPlacement] != nullptr) {
-    write_pose_jacobian(d_world, turned_target, jacobians[kPlacement]);
+  if (jacobians[block_placement] != nullptr) {
+    write_pose_jacobian(d_world, turned_target, jacobians[block_placement]);
   }
   const RowMajor23 d_target = d_world * placement.toRotationMatrix();
-  if (jacobians[kPoint] != nullptr) Map<RowMajor23>{jacobians[kPoint]} = d_target;
-  if (jacobians[kWarp] != nullptr) {
-    Map<RowMajor23>{jacobians[kWarp]} = d_target.col(2) * warp_shape_.transpose();
+  if (jacobians[block_point] != nullptr) Map<RowMajor23>{jacobians[block_point]} = d_target;
+  if (jacobians[block_warp] != nullptr) {
+    Map<RowMajor23>{jacobians[block_warp]} = d_target.col(2) * warp_shape_.transpose();
   }
-  if (jacobians[kOffset] != nullptr) Map<Vector2d>{jacobians[kOffset]} = velocity_px_s_;
+  if (jacobians[block_offset] != nullptr) Map<Vector2d>{jacobians[block_offset]} = velocity_px_s_;
   return true;
 }
 

@@ -37,7 +37,15 @@ class PoseManifold final : public ceres::Manifold {
 //   point       metres, in the target's frame
 //   warp        metres (Survey::warp_m)
 //   offset      seconds
-enum ReprojectionBlock { kIntrinsics, kCamera, kPlacement, kPoint, kWarp, kOffset, kBlockCount };
+enum ReprojectionBlock {
+  block_intrinsics,
+  block_camera,
+  block_placement,
+  block_point,
+  block_warp,
+  block_offset,
+  block_count
+};
 
 constexpr int kFixedIntrinsics = 4;  // those before the coefficients
 std::vector<double> intrinsics_block(const Camera& camera);

@@ -10,7 +10,6 @@
 
 namespace semblance {
 
-
 /// A quantity with one value per frame; NaN where there is none.
 struct Series {
   std::string title, unit;
