@@ -103,6 +103,13 @@ void solve_in_rounds(Adjustment& result, const AdjustmentOptions& options) {
   }
 }
 
+// Less what the known lengths determine.
+int free_parameters(const Adjustment& result, const AdjustmentOptions& options) {
+  constexpr double any_px = 1.0;
+  const AdjustmentProblem problem(result.survey, options, result.outlier, any_px, std::nullopt);
+  return problem.free_parameters() - static_cast<int>(options.lengths.size());
+}
+
 void add_statistics(Adjustment& result, int free_parameters) {
   double all = 0.0, kept = 0.0;
   int count = 0;
@@ -135,10 +142,10 @@ Adjustment adjust(const Survey& start, const AdjustmentOptions& options) {
   }
   result.outlier.assign(start.sightings.size(), 0);
   solve_in_rounds(result, options);
-  AdjustmentProblem last(result.survey, options, result.outlier, result.sigma_px, std::nullopt);
-  add_statistics(result, last.free_parameters() - static_cast<int>(options.lengths.size()));
+  add_statistics(result, free_parameters(result, options));
   result.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   if (!options.covariance) return result;
+  AdjustmentProblem last(result.survey, options, result.outlier, result.sigma_px, std::nullopt);
   result.covariance = last.covariance(result.sigma_px, result.undetermined);
   return result;
 }

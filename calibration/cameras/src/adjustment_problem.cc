@@ -147,20 +147,33 @@ std::vector<AdjustmentProblem::FreeBlock> AdjustmentProblem::kept_blocks() {
     add_free(&offsets_[i], fmt::format("the time offset of camera {}", i), blocks);
   }
   add_free(warp_.data(), "the warp of the target", blocks);
-  if (points_free_) add_free_placements(blocks);
+  if (points_free_) {
+    add_free_placements(blocks);
+    add_free_points(true, blocks);
+  }
   return blocks;
 }
 
 std::vector<AdjustmentProblem::FreeBlock> AdjustmentProblem::eliminated_blocks() {
   std::vector<FreeBlock> blocks;
-  if (!points_free_) {
+  if (points_free_) {
+    add_free_points(false, blocks);
+  } else {
     add_free_placements(blocks);
-    return blocks;
-  }
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    add_free(points_[i].data(), fmt::format("point {}", i), blocks);
   }
   return blocks;
+}
+
+void AdjustmentProblem::add_free_points(bool length_ends, std::vector<FreeBlock>& blocks) {
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (is_length_end(points_[i].data()) != length_ends) continue;
+    add_free(points_[i].data(), fmt::format("point {}", i), blocks);
+  }
+}
+
+// The ends of a known length share a residual, and cannot be eliminated one by one.
+bool AdjustmentProblem::is_length_end(const double* point) const {
+  return length_ends_.count(point) > 0;
 }
 
 void AdjustmentProblem::add_free_placements(std::vector<FreeBlock>& blocks) {
@@ -177,9 +190,8 @@ std::shared_ptr<ceres::ParameterBlockOrdering> AdjustmentProblem::ordering() con
     return !group.empty() && block >= group.front().data() && block <= group.back().data();
   };
   for (double* block : blocks) {
-    // Eliminated one by one: they must not share a residual, as the ends of a known length do.
-    const bool alone = points_free_ ? among(points_, block) && length_ends_.count(block) == 0
-                                    : among(placements_, block);
+    const bool alone =
+        points_free_ ? among(points_, block) && !is_length_end(block) : among(placements_, block);
     ordering->AddElementToGroup(block, alone ? 0 : 1);
   }
   return ordering;

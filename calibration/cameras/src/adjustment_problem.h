@@ -53,6 +53,8 @@ class AdjustmentProblem {
   std::vector<FreeBlock> kept_blocks();
   std::vector<FreeBlock> eliminated_blocks();
   void add_free_placements(std::vector<FreeBlock>& blocks);
+  void add_free_points(bool length_ends, std::vector<FreeBlock>& blocks);
+  bool is_length_end(const double* point) const;
   void add_free(double* block, std::string name, std::vector<FreeBlock>& blocks) const;
   Eigen::SparseMatrix<double> normal_matrix(const std::vector<FreeBlock>& blocks);
   // Derivative of fx, fy, cx, cy, coefficients by the free figures of an intrinsics block.

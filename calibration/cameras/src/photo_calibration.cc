@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 #include "semblance/cameras/posit.h"
 #include "semblance/core/errors.h"
@@ -32,7 +33,7 @@ std::vector<KnownLength> scale_of(const Survey& survey, const PhotoOptions& opti
   KnownLength kept{0, 0, 0.0, 0.0};
   for (std::size_t i = 1; i < survey.points_m.size(); ++i) {
     const double length_m = (survey.points_m[i] - survey.points_m[0]).norm();
-    if (length_m > kept.length_m) kept = {0, static_cast<int>(i), length_m, 1e-6 * length_m};
+    if (length_m > kept.length_m) kept = {0, static_cast<int>(i), length_m, 1e-4 * length_m};
   }
   return {kept};
 }
@@ -100,7 +101,7 @@ PhotoCalibration calibrate_by_loop(const Survey& start, const PhotoOptions& opti
   result.survey = start;
   // A round that gains less than this share has arrived at the noise.
   constexpr double least_gain = 1e-7;
-  for (double before = INFINITY; result.rounds < options.most_rounds;) {
+  for (double before = std::numeric_limits<double>::max(); result.rounds < options.most_rounds;) {
     ++result.rounds;
     result.survey = adjust(result.survey, cameras).survey;
     const Adjustment found = adjust(result.survey, points);
