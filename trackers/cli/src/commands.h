@@ -25,6 +25,7 @@ void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
 void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
+void add_calibrate_photos_command(CLI::App& calibrate, Context& context);
 /// `calibrate board` and `calibrate rig`.
 void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context);
 
