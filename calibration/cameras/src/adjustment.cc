@@ -139,6 +139,17 @@ void add_statistics(Adjustment& result, int free_parameters) {
 
 }  // namespace
 
+// The centre is -R' t; R turns by exp(w) from the left, t moves by d.
+Eigen::Matrix3d centre_covariance(const Camera& camera, const CameraUncertainty& uncertainty) {
+  const Eigen::Matrix3d back = camera.camera_from_world.rotation.toRotationMatrix().transpose();
+  const Eigen::Vector3d& t = camera.camera_from_world.translation_m;
+  Eigen::Matrix3d cross;
+  cross << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
+  Eigen::Matrix<double, 3, 6> by_pose;
+  by_pose << -back * cross, -back;
+  return by_pose * uncertainty.pose * by_pose.transpose();
+}
+
 Adjustment adjust(const Survey& start, const AdjustmentOptions& options) {
   validate(start, "survey");
   if (options.cameras.size() != start.cameras.size()) {

@@ -190,7 +190,7 @@ void add_warnings(const Adjustment& whole, Verdict& verdict) {
     const bool sought = camera.sigma_px.size() > 0;
     if (sought && camera.coverage < kPoorCoverage) {
       warn(
-          fmt::format("{}: the sheet was shown in {:.0f} % of the picture only; the lens outside "
+          fmt::format("{}: points cover {:.0f} % of the picture only; the lens outside "
                       "is a guess",
                       name, 100.0 * camera.coverage));
     }

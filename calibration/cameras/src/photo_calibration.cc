@@ -72,7 +72,8 @@ Rigid3 rough_pose(const Camera& camera, const PhotoMarks& photo,
       photo.name, known));
 }
 
-// Points of which nothing is known start where the rays of the photos meet.
+// Points of which nothing is known start where the rays of the photos meet; where they do not, the
+// point's sightings are dropped.
 void place_unknown_points(Survey& survey) {
   std::vector<Camera> cameras(survey.world_from_target.size(), survey.cameras[0]);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -86,13 +87,10 @@ void place_unknown_points(Survey& survey) {
   }
   for (const auto& [point, seen] : rays) {
     const auto place = seen.size() < 2 ? std::nullopt : point_from_rays(seen);
-    if (!place) {
-      throw InvalidInput(
-          fmt::format("point {} has no place: nothing is known of it, and no two photos show it "
-                      "from different sides",
-                      point));
-    }
-    survey.points_m[static_cast<std::size_t>(point)] = *place;
+    survey.points_m[static_cast<std::size_t>(point)] = place.value_or(Eigen::Vector3d::Zero());
+    if (place) continue;
+    std::erase_if(survey.sightings,
+                  [index = point](const Sighting& s) { return s.point == index; });
   }
 }
 

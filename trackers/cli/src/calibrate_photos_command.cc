@@ -55,6 +55,12 @@ int index_of(const std::vector<std::string>& names, const std::string& name) {
   return static_cast<int>(std::lower_bound(names.begin(), names.end(), name) - names.begin());
 }
 
+std::set<int> points_with_sightings(const Survey& survey) {
+  std::set<int> points;
+  for (const Sighting& sighting : survey.sightings) points.insert(sighting.point);
+  return points;
+}
+
 // Both ways of the solve from the same start, for who wants to see them side by side.
 void compare_ways(const Survey& start, const PhotoOptions& options, const PhotoCalibration& joint,
                   Json& summary) {
@@ -90,6 +96,13 @@ Solved solve_by_marks(const PhotosOptions& options, const MarksFile& marks, Json
     rough[static_cast<std::size_t>(index_of(solved.point_names, name))] = point;
   }
   const Survey start = best_start_from_photos(photos_with_marks(marks), rough, library);
+  const std::set<int> placed = points_with_sightings(start);
+  for (std::size_t i = 0; i < solved.point_names.size(); ++i) {
+    if (placed.count(static_cast<int>(i)) > 0) continue;
+    solved.notes.push_back(
+        fmt::format("mark '{}' has no place: no two photos show it from different sides",
+                    solved.point_names[i]));
+  }
   solved.calibration = calibrate_jointly(start, library);
   if (options.method == "both") compare_ways(start, library, solved.calibration, summary);
   for (const MarksFile::Photo& photo : marks.photos) solved.photos.push_back(photo.file);
@@ -142,8 +155,11 @@ Scene scene_of(const Solved& solved, const std::optional<MarksFile>& marks) {
   Scene scene;
   const Survey& survey = solved.calibration.survey;
   scene.cameras = cameras_of_photos(survey, camera_names(solved.photos));
-  for (std::size_t i = 0; i < solved.point_names.size(); ++i) {
-    scene.points_m[solved.point_names[i]] = survey.points_m[i];
+  if (!solved.point_names.empty()) {
+    for (const int point : points_with_sightings(survey)) {
+      const auto at = static_cast<std::size_t>(point);
+      scene.points_m[solved.point_names[at]] = survey.points_m[at];
+    }
   }
   if (!marks || !solved.point_names.empty()) return scene;
   std::vector<MarksFile::Photo> photos;

@@ -43,8 +43,8 @@ struct PhotoCalibration {
 
 /// A survey to start from: photos posed by POSIT before points that are known roughly (a generic
 /// model), with a guessed focal length. Points of which nothing is known (NaN) are placed by the
-/// photos. Throws InvalidInput naming the photo where that fails, for
-/// less than two photos, and for photos that differ in size.
+/// photos; those that no two photos show from different sides get no sightings. Throws InvalidInput
+/// naming the photo where that fails, for less than two photos, and for photos that differ in size.
 Survey start_from_photos(const std::vector<PhotoMarks>& photos,
                          const std::vector<Eigen::Vector3d>& rough_points_m, double focal_px,
                          const PhotoOptions& options);
