@@ -3,7 +3,6 @@
 #include <benchmark/benchmark.h>
 
 #include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 
 #include "cameras/survey_maker.h"
 #include "semblance/cameras/board_calibration.h"
