@@ -8,6 +8,7 @@
 
 #include "semblance/cameras/posit.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/picture_size.h"
 
 namespace semblance {
 namespace {
@@ -63,13 +64,9 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
   camera.lens = options.lens;
   survey.cameras = {camera};
   survey.points_m = rough_points_m;
+  camera.name = photos[0].name;  // for errors
   for (const PhotoMarks& photo : photos) {
-    if (photo.width != camera.width || photo.height != camera.height) {
-      throw InvalidInput(fmt::format(
-          "{} has {} x {} pixels, but {} has {} x {}: photos of one "
-          "camera must be of one size and upright alike",
-          photo.name, photo.width, photo.height, photos[0].name, camera.width, camera.height));
-    }
+    require_camera_size(camera, photo.width, photo.height, photo.name);
     Eigen::Matrix3Xd points(3, photo.pixels_px.cols());
     const int placement = static_cast<int>(survey.world_from_target.size());
     for (Eigen::Index k = 0; k < points.cols(); ++k) {
