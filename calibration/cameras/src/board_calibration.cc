@@ -9,6 +9,7 @@
 #include <map>
 
 #include "semblance/core/errors.h"
+#include "semblance/io/picture_size.h"
 #include "sheet_start.h"
 #include "sheet_views.h"
 
@@ -175,7 +176,7 @@ BoardCalibration calibrate_board(const std::vector<Detection>& detections,
   camera.name = names[0];
   for (std::size_t i = 0; i < detections.size(); ++i) {
     check_not_mirrored(detections[i], names[i]);
-    check_size(detections[i], names[i], camera);
+    require_camera_size(camera, detections[i].width, detections[i].height, names[i]);
   }
   const UsefulViews useful = useful_views(detections, options.principal ? 3 : 2);
   BoardCalibration result;

@@ -12,6 +12,7 @@
 #include "semblance/cameras/posit.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/image_io.h"
+#include "semblance/io/picture_size.h"
 #include "semblance/io/video.h"
 
 namespace semblance {
@@ -110,13 +111,9 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
   camera.lens = options.lens;
   survey.cameras = {camera};
   survey.points_m = rough_points_m;
+  camera.name = photos[0].name;  // for errors
   for (const PhotoMarks& photo : photos) {
-    if (photo.width != camera.width || photo.height != camera.height) {
-      throw InvalidInput(fmt::format(
-          "{} has {} x {} pixels, but {} has {} x {}: photos of one "
-          "camera must be of one size and upright alike",
-          photo.name, photo.width, photo.height, photos[0].name, camera.width, camera.height));
-    }
+    require_camera_size(camera, photo.width, photo.height, photo.name);
     const int placement = static_cast<int>(survey.world_from_target.size());
     for (std::size_t k = 0; k < photo.points.size(); ++k) {
       survey.sightings.push_back(

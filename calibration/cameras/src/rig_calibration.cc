@@ -10,6 +10,7 @@
 
 #include "semblance/cameras/board_calibration.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/picture_size.h"
 #include "sheet_start.h"
 #include "sheet_views.h"
 
@@ -34,8 +35,8 @@ BoardOptions board_options(const RigOptions& options) {
   return board;
 }
 
-Camera camera_by_itself(const std::vector<RigView>& views, int camera, const std::string& name,
-                        const RigOptions& options) {
+Adjustment camera_by_itself(const std::vector<RigView>& views, int camera, const std::string& name,
+                            const RigOptions& options) {
   std::vector<Detection> detections;
   std::vector<std::string> names;
   for (const RigView& view : views) {
@@ -44,30 +45,35 @@ Camera camera_by_itself(const std::vector<RigView>& views, int camera, const std
     names.push_back(view.name);
   }
   try {
-    return calibrate_board(detections, names, board_options(options)).camera;
+    return calibrate_board(detections, names, board_options(options)).adjustment;
   } catch (const InvalidInput& error) {
     throw InvalidInput(
         fmt::format("camera '{}': {}. Or give its intrinsics in a file", name, error.what()));
   }
 }
 
-std::vector<Camera> start_cameras(const std::vector<RigView>& views,
-                                  const std::vector<RigCamera>& cameras,
-                                  const RigOptions& options) {
-  std::vector<Camera> result;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    result.push_back(cameras[i].camera
-                         ? *cameras[i].camera
-                         : camera_by_itself(views, static_cast<int>(i), cameras[i].name, options));
-    result.back().name = cameras[i].name;
+struct StartCamera {
+  Camera camera;
+  std::optional<double> alone_px;
+};
+
+StartCamera start_camera(const std::vector<RigView>& views, int index, const RigCamera& given,
+                         const RigOptions& options) {
+  StartCamera start;
+  if (given.camera) {
+    start.camera = *given.camera;
+  } else {
+    const Adjustment alone = camera_by_itself(views, index, given.name, options);
+    start = {alone.survey.cameras[0], alone.rms_px};
   }
-  return result;
+  start.camera.name = given.name;
+  return start;
 }
 
 void check_sizes(const std::vector<RigView>& views, const std::vector<Camera>& cameras) {
   for (const RigView& view : views) {
     const Camera& camera = cameras[static_cast<std::size_t>(view.camera)];
-    check_size(view.detection, view.name, camera);
+    require_camera_size(camera, view.detection.width, view.detection.height, view.name);
   }
 }
 
@@ -90,6 +96,7 @@ struct Link {
   Rigid3 b_from_a;
   double error_px = kInfinite;  // median over the instants that both see
   int points = 0;               // seen by both
+  int lag = 0;                  // what b sees at instant i, a sees at i + lag
 };
 
 double median(std::vector<double> values) {
@@ -98,9 +105,10 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+using SharedViews = std::vector<std::pair<const PosedView*, const PosedView*>>;
+
 // Of the motions that single instants say, the one that suits most instants.
-Link link_between(const std::vector<std::pair<const PosedView*, const PosedView*>>& shared,
-                  const Camera& camera_b) {
+Link link_between(const SharedViews& shared, const Camera& camera_b) {
   constexpr std::size_t most_tried = 60;
   const std::size_t stride = 1 + shared.size() / most_tried;
   Link best;
@@ -108,11 +116,12 @@ Link link_between(const std::vector<std::pair<const PosedView*, const PosedView*
     const Rigid3 b_from_a =
         shared[i].second->camera_from_sheet * shared[i].first->camera_from_sheet.inverse();
     std::vector<double> errors;
-    for (const auto& [a, b] : shared) {
+    for (std::size_t k = 0; k < shared.size(); k += stride) {
+      const auto& [a, b] = shared[k];
       errors.push_back(sheet_error_px(camera_b, b_from_a * a->camera_from_sheet, b->points));
     }
     const double error_px = median(errors);
-    if (error_px < best.error_px) best = {b_from_a, error_px, 0};
+    if (error_px < best.error_px) best = {b_from_a, error_px};
   }
   for (const auto& [a, b] : shared) {
     best.points += static_cast<int>(std::min(a->points.sheet_m.cols(), b->points.sheet_m.cols()));
@@ -120,20 +129,54 @@ Link link_between(const std::vector<std::pair<const PosedView*, const PosedView*
   return best;
 }
 
-using Links = std::map<std::pair<int, int>, Link>;
+using ByInstant = std::map<int, const PosedView*>;
 
-Links all_links(const std::vector<PosedView>& posed, const std::vector<Camera>& cameras) {
-  std::map<std::pair<int, int>, std::vector<std::pair<const PosedView*, const PosedView*>>> shared;
-  for (const PosedView& a : posed) {
-    for (const PosedView& b : posed) {
-      if (a.instant == b.instant && a.camera != b.camera) {
-        shared[{a.camera, b.camera}].emplace_back(&a, &b);
-      }
+// What both see, where b's pictures show what a's showed `lag` instants later by their numbers.
+SharedViews shared_views(const ByInstant& a, const ByInstant& b, int lag) {
+  SharedViews shared;
+  for (const auto& [instant, view] : b) {
+    if (const auto found = a.find(instant + lag); found != a.end()) {
+      shared.emplace_back(found->second, view);
     }
   }
+  return shared;
+}
+
+// The link with the lag that suits best; a lag that leaves few instants in common may suit by
+// chance and does not count.
+Link best_link(const ByInstant& a, const ByInstant& b, int most_lag, const Camera& camera_b) {
+  std::size_t most_shared = 0;
+  for (int lag = -most_lag; lag <= most_lag; ++lag) {
+    most_shared = std::max(most_shared, shared_views(a, b, lag).size());
+  }
+  Link best;
+  for (int lag = -most_lag; lag <= most_lag; ++lag) {
+    const SharedViews shared = shared_views(a, b, lag);
+    if (shared.empty() || 2 * shared.size() < most_shared) continue;
+    Link link = link_between(shared, camera_b);
+    link.lag = lag;
+    if (link.error_px < best.error_px) best = link;
+  }
+  return best;
+}
+
+using Links = std::map<std::pair<int, int>, Link>;
+
+Links all_links(const std::vector<PosedView>& posed, const std::vector<Camera>& cameras,
+                int most_lag) {
+  std::vector<ByInstant> by_camera(cameras.size());
+  for (const PosedView& view : posed) {
+    by_camera[static_cast<std::size_t>(view.camera)].emplace(view.instant, &view);
+  }
   Links links;
-  for (const auto& [pair, both] : shared) {
-    links[pair] = link_between(both, cameras[static_cast<std::size_t>(pair.second)]);
+  for (std::size_t a = 0; a < cameras.size(); ++a) {
+    for (std::size_t b = a + 1; b < cameras.size(); ++b) {
+      const Link link = best_link(by_camera[a], by_camera[b], most_lag, cameras[b]);
+      if (link.points == 0) continue;
+      const int first = static_cast<int>(a), second = static_cast<int>(b);
+      links[{first, second}] = link;
+      links[{second, first}] = {link.b_from_a.inverse(), link.error_px, link.points, -link.lag};
+    }
   }
   return links;
 }
@@ -150,9 +193,11 @@ Links all_links(const std::vector<PosedView>& posed, const std::vector<Camera>& 
       fmt::join(here, ", "), fmt::join(there, ", ")));
 }
 
-// Prim's tree: from the cameras placed so far always along the link with the most points.
-void place_cameras(std::vector<Camera>& cameras, const std::vector<RigCamera>& known,
-                   const Links& links) {
+// Prim's tree: from the cameras placed so far always along the link with the most points. Gives the
+// lag of each camera's clock.
+std::vector<int> place_cameras(std::vector<Camera>& cameras, const std::vector<RigCamera>& known,
+                               const Links& links) {
+  std::vector<int> lags(cameras.size(), 0);
   std::set<int> reached;
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i].keep_pose) reached.insert(static_cast<int>(i));
@@ -174,8 +219,11 @@ void place_cameras(std::vector<Camera>& cameras, const std::vector<RigCamera>& k
     if (best == nullptr) report_missing_link(cameras, reached);
     cameras[static_cast<std::size_t>(pair.second)].camera_from_world =
         best->b_from_a * cameras[static_cast<std::size_t>(pair.first)].camera_from_world;
+    lags[static_cast<std::size_t>(pair.second)] =
+        lags[static_cast<std::size_t>(pair.first)] + best->lag;
     reached.insert(pair.second);
   }
+  return lags;
 }
 
 // world_from_sheet of each instant: of the places that its views say, the one that suits all best.
@@ -209,14 +257,16 @@ struct Start {
   std::vector<int> instants, point_ids, view_of_sighting;
 };
 
-void add_view(const RigView& view, int view_index, int placement,
+void add_view(const RigView& view, int view_index, int placement, bool needs_speed,
               const std::map<int, int>& point_of_id, Start& start) {
   for (std::size_t k = 0; k < view.detection.ids.size(); ++k) {
     const auto column = static_cast<Eigen::Index>(k);
     Sighting sighting{view.camera, placement, point_of_id.at(view.detection.ids[k]),
                       view.detection.points_px.col(column)};
-    if (view.velocities_px_s.cols() > column) {
+    if (needs_speed) {
+      if (column >= view.velocities_px_s.cols()) continue;
       sighting.velocity_px_s = view.velocities_px_s.col(column);
+      if (!sighting.velocity_px_s.allFinite()) continue;
     }
     // A far start may put a point behind a camera; the adjustment has no use for it.
     if (!residual_px(start.survey, sighting).allFinite()) continue;
@@ -226,7 +276,7 @@ void add_view(const RigView& view, int view_index, int placement,
 }
 
 Start start_from(const std::vector<RigView>& views, const std::vector<Camera>& cameras,
-                 const std::map<int, Rigid3>& sheets) {
+                 const std::map<int, Rigid3>& sheets, bool needs_speed) {
   Start start;
   start.survey.cameras = cameras;
   std::map<int, int> placement_of;
@@ -246,7 +296,7 @@ Start start_from(const std::vector<RigView>& views, const std::vector<Camera>& c
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto placement = placement_of.find(views[i].instant);
     if (placement == placement_of.end()) continue;
-    add_view(views[i], static_cast<int>(i), placement->second, point_of_id, start);
+    add_view(views[i], static_cast<int>(i), placement->second, needs_speed, point_of_id, start);
   }
   return start;
 }
@@ -295,17 +345,32 @@ std::vector<RigCameraFit> fits_of(const Adjustment& adjustment, const Start& sta
 
 }  // namespace
 
-RigCalibration calibrate_rig(const std::vector<RigView>& views,
+RigCalibration calibrate_rig(const std::vector<RigView>& given,
                              const std::vector<RigCamera>& cameras, const RigOptions& options) {
-  std::vector<Camera> start = start_cameras(views, cameras, options);
+  std::vector<RigView> views = given;
+  std::vector<Camera> start;
+  std::vector<std::optional<double>> alone_px;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const StartCamera known = start_camera(views, static_cast<int>(i), cameras[i], options);
+    start.push_back(known.camera);
+    alone_px.push_back(known.alone_px);
+  }
   check_sizes(views, start);
-  const std::vector<PosedView> posed = posed_views(views, start);
-  place_cameras(start, cameras, all_links(posed, start));
-  const Start survey = start_from(views, start, place_sheets(posed, start));
+  std::vector<PosedView> posed = posed_views(views, start);
+  const int most_lag = options.time_offsets ? options.most_lag : 0;
+  const std::vector<int> lags = place_cameras(start, cameras, all_links(posed, start, most_lag));
+  for (RigView& view : views) view.instant += lags[static_cast<std::size_t>(view.camera)];
+  for (PosedView& view : posed) view.instant += lags[static_cast<std::size_t>(view.camera)];
+  const Start survey = start_from(views, start, place_sheets(posed, start), options.time_offsets);
   RigCalibration result;
   result.adjustment = adjust(survey.survey, adjustment_options(cameras, options));
+  for (std::size_t i = 0; i < lags.size(); ++i) {
+    result.time_offset_s.push_back(lags[i] * options.step_s +
+                                   result.adjustment.survey.time_offset_s[i]);
+  }
   result.cameras = result.adjustment.survey.cameras;
   result.fits = fits_of(result.adjustment, survey);
+  for (std::size_t i = 0; i < alone_px.size(); ++i) result.fits[i].alone_px = alone_px[i];
   result.instants = survey.instants;
   result.point_ids = survey.point_ids;
   result.view_of_sighting = survey.view_of_sighting;

@@ -1,7 +1,5 @@
 #include "sheet_views.h"
 
-#include <fmt/format.h>
-
 #include "semblance/core/errors.h"
 
 namespace semblance {
@@ -15,18 +13,6 @@ SheetView sheet_view(const Detection& detection) {
         point_on_sheet(detection.target, detection.ids[static_cast<std::size_t>(i)]).head<2>();
   }
   return view;
-}
-
-void check_size(const Detection& detection, const std::string& name, const Camera& camera) {
-  if (detection.width == camera.width && detection.height == camera.height) return;
-  const bool turned = detection.width == camera.height && detection.height == camera.width;
-  throw InvalidInput(fmt::format(
-      "{} has {} x {} pixels, but camera '{}' is one of {} x {}: {}", name, detection.width,
-      detection.height, camera.name, camera.width, camera.height,
-      turned ? "the picture lies on its side. Turn the pictures alike, or calibrate the upright "
-               "ones by themselves"
-             : "a calibration holds for one size alone. Calibrate from pictures of this size, or "
-               "leave out those of another"));
 }
 
 void check_not_mirrored(const Detection& detection, const std::string& name) {

@@ -13,9 +13,6 @@ constexpr int kFewestPoints = 6;
 
 SheetView sheet_view(const Detection& detection);
 
-/// Throws InvalidInput naming the picture where its size is not the camera's.
-void check_size(const Detection& detection, const std::string& name, const Camera& camera);
-
 /// Throws InvalidInput naming the picture where it shows the sheet's mirror image.
 void check_not_mirrored(const Detection& detection, const std::string& name);
 

@@ -8,6 +8,7 @@
 
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/picture_size.h"
 #include "semblance/pipeline/frame_feed.h"
 
 namespace semblance {
@@ -87,13 +88,7 @@ TrackingOutcome run_tracking(const TrackingRun& run, FrameTracker& tracker, cons
                              Progress& progress) {
   const auto begin = Clock::now();
   const VideoInfo info = VideoSource(run.video).info();
-  if (info.width != run.camera.width || info.height != run.camera.height) {
-    throw InvalidInput(run.video + ": its pictures are " + std::to_string(info.width) + " x " +
-                       std::to_string(info.height) + " but the camera is calibrated for " +
-                       std::to_string(run.camera.width) + " x " +
-                       std::to_string(run.camera.height) +
-                       "; give the camera file of this video size");
-  }
+  require_camera_size(run.camera, info.width, info.height, run.video);
   const std::filesystem::path folder(run.folder);
   const std::string results = (folder / "track.jsonl").string();
   const std::filesystem::path checkpoint = folder / "checkpoint.bin";

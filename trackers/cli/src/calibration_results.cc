@@ -2,9 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "semblance/core/atomic_file.h"
 
@@ -14,30 +13,27 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// Deviations of fx, fy, cx, cy; zero where they were kept or nothing is known of them.
-std::array<double, 4> intrinsic_sigmas_px(const Adjustment& adjustment, std::size_t camera) {
-  std::array<double, 4> sigmas{};
-  if (!adjustment.covariance) return sigmas;
-  const Eigen::MatrixXd& covariance = adjustment.covariance->cameras[camera].intrinsics;
-  for (int i = 0; i < 4; ++i) sigmas[static_cast<std::size_t>(i)] = std::sqrt(covariance(i, i));
-  return sigmas;
-}
-
-std::string with_sigma(double value, double sigma) {
-  return sigma > 0.0 ? fmt::format("{:.2f} ± {:.2f}", value, sigma) : fmt::format("{:.2f}", value);
+// Deviations of fx, fy, cx, cy; none where the lens was kept or the pictures leave it open.
+std::optional<Eigen::Vector4d> lens_sigma_px(const Adjustment& adjustment, std::size_t camera) {
+  if (!adjustment.covariance) return std::nullopt;
+  const Eigen::MatrixXd& known = adjustment.covariance->cameras[camera].intrinsics;
+  if (known.isZero(0.0)) return std::nullopt;
+  return known.diagonal().head<4>().cwiseSqrt();
 }
 
 void print_camera(const Adjustment& adjustment, const Verdict& verdict, std::size_t index) {
   const CameraVerdict& judged = verdict.cameras[index];
   const Camera& camera = adjustment.survey.cameras[index];
-  const std::array<double, 4> sigmas = intrinsic_sigmas_px(adjustment, index);
   fmt::print("{}: {:.3f} px rms over {} views, {} of {} points are outliers", camera.name,
              judged.rms_px, judged.placements, judged.outliers, judged.sightings);
   if (judged.held_out > 0) fmt::print("; {:.3f} px where left out", judged.held_out_px);
-  fmt::print("\n  focal {}, {} px, principal {}, {} px, {:.0f} % of the picture covered\n",
-             with_sigma(camera.focal_px.x(), sigmas[0]), with_sigma(camera.focal_px.y(), sigmas[1]),
-             with_sigma(camera.principal_px.x(), sigmas[2]),
-             with_sigma(camera.principal_px.y(), sigmas[3]), 100.0 * judged.coverage);
+  fmt::print("\n  focal {:.2f} {:.2f} px, principal {:.2f} {:.2f} px", camera.focal_px.x(),
+             camera.focal_px.y(), camera.principal_px.x(), camera.principal_px.y());
+  if (const auto sigma_px = lens_sigma_px(adjustment, index)) {
+    fmt::print(" (deviations {:.2f} {:.2f}, {:.2f} {:.2f})", (*sigma_px)[0], (*sigma_px)[1],
+               (*sigma_px)[2], (*sigma_px)[3]);
+  }
+  fmt::print(", {:.0f} % of the picture covered\n", 100.0 * judged.coverage);
 }
 
 }  // namespace
@@ -53,10 +49,9 @@ Json json_of(const Adjustment& adjustment, const Verdict& verdict, std::size_t i
             {"points", judged.sightings},
             {"outliers", judged.outliers},
             {"coverage", judged.coverage}};
-  if (adjustment.covariance) {
-    const std::array<double, 4> sigmas = intrinsic_sigmas_px(adjustment, index);
-    json["focal_sigma_px"] = {sigmas[0], sigmas[1]};
-    json["principal_sigma_px"] = {sigmas[2], sigmas[3]};
+  if (const auto sigma = lens_sigma_px(adjustment, index)) {
+    json["focal_sigma_px"] = {(*sigma)[0], (*sigma)[1]};
+    json["principal_sigma_px"] = {(*sigma)[2], (*sigma)[3]};
   }
   if (judged.held_out > 0) json["held_out_px"] = judged.held_out_px;
   if (judged.sigma_px.size() > 0) {

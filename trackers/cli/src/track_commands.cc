@@ -22,6 +22,7 @@ nlohmann::json summary_json(const FaceTrackingSummary& summary) {
           {"cancelled", o.cancelled},
           {"focal_px", summary.focal_px},
           {"frames_per_second", summary.frames_per_second},
+          {"warnings", summary.notes},
           {"decode_s", o.times.decode_s},
           {"track_s", o.times.track_s},
           {"total_s", o.times.total_s}};
@@ -30,6 +31,7 @@ nlohmann::json summary_json(const FaceTrackingSummary& summary) {
 void run_track_face(const Context& context, const FaceTrackingOptions& options) {
   const auto progress = console_progress();
   const FaceTrackingSummary summary = track_face(options, *progress);
+  for (const std::string& note : summary.notes) fmt::print("warning: {}\n", note);
   const TrackingOutcome& o = summary.outcome;
   fmt::print("{}{} frames: {} tracked ({} found again), {} lost; {:.1f} frames/s, {:.1f} s\n",
              o.cancelled ? "interrupted after " : "", o.frames, o.tracked, o.reinitialised, o.lost,

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "face_clip.h"
 #include "semblance/core/atomic_file.h"
@@ -12,6 +13,7 @@
 #include "semblance/core/pack_uvs.h"
 #include "semblance/face/face_tracker.h"
 #include "semblance/io/camera_io.h"
+#include "semblance/io/picture_size.h"
 #include "semblance/io/points.h"
 #include "semblance/models/load_face.h"
 #include "semblance/pipeline/contact_sheet.h"
@@ -26,16 +28,15 @@ namespace fs = std::filesystem;
 
 namespace {
 
-Camera camera_for(const FaceTrackingOptions& options, const VideoInfo& info) {
+Camera camera_for(const FaceTrackingOptions& options, const VideoInfo& info,
+                  std::vector<std::string>& notes) {
   if (!options.camera.empty()) {
+    Rgb8 first;
+    VideoSource(options.video).next(first);
     Camera camera = read_camera(options.camera);
-    if (camera.width != info.width || camera.height != info.height) {
-      throw InvalidInput(options.camera + ": is for pictures of " + std::to_string(camera.width) +
-                         " x " + std::to_string(camera.height) + ", but " + options.video +
-                         " has " + std::to_string(info.width) + " x " +
-                         std::to_string(info.height) +
-                         "; calibrate the camera at the video's size");
-    }
+    const std::string name = std::exchange(camera.name, options.camera);  // for messages
+    camera = camera_for_pictures(camera, first, options.video, notes);
+    camera.name = name;
     return camera;
   }
   const double focal =
@@ -112,13 +113,13 @@ void smooth_results(const std::string& video, const FaceTracker& tracker, const 
 FaceTrackingSummary track_face(const FaceTrackingOptions& options, Progress& progress) {
   const auto begin = std::chrono::steady_clock::now();
   const VideoInfo info = VideoSource(options.video).info();
-  Camera camera = camera_for(options, info);
   const MorphShape shape = load_tracked_face(options.model);
   FaceTrackerOptions tracking;
   tracking.optimizer = options.optimizer;
   tracking.seed = options.seed;
   tracking.face = options.face;
   FaceTrackingSummary summary;
+  Camera camera = camera_for(options, info, summary.notes);
   if (options.estimate_focal && options.camera.empty()) {
     const FocalEstimate focal = estimate_focal(options.video, shape, tracking, progress);
     camera.focal_px.setConstant(focal.focal_px);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "semblance/core/progress.h"
 #include "semblance/pipeline/tracking_run.h"
@@ -37,6 +38,7 @@ struct FaceTrackingSummary {
   double focal_px = 0.0;
   std::optional<double> focal_sigma_px;  // where it was estimated
   double frames_per_second = 0.0;        // of the whole run, with decoding and writing
+  std::vector<std::string> notes;        // what was assumed of the input, for people
 };
 
 /// Writes track.jsonl, track.csv, overlay.mp4, face.glb and report.html into the folder. A
