@@ -1,5 +1,5 @@
-// Ellipses of a picture: dark round dots on light ground. Places have the first pixel's centre at
-// (0, 0).
+// Ellipses of a picture: dark round dots on light ground (`find_dots` turns the picture's lightness
+// round for light ones). Places have the first pixel's centre at (0, 0).
 #pragma once
 
 #include <Eigen/Core>
@@ -25,5 +25,9 @@ std::vector<Ellipse> find_ellipses(const cv::Mat& grey);
 /// gradient says a line that the ellipse touches, so blur does not shift it. None where that is no
 /// ellipse near the start.
 std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start);
+
+/// Covariance of the centre of a refined ellipse, in px^2, for independent noise of one grey level
+/// in every pixel: the noise of the gradients is carried through the fit to first order.
+Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined);
 
 }  // namespace semblance
