@@ -96,7 +96,7 @@ Found find_on(const DottedObject& object, const DotPaint& paint, std::uint64_t s
 
 TEST(FindDots, DarkAndLightOnesOnAHead) {
   Random random(4);
-  const DottedObject object = testing::dotted_head(random, 40);
+  const DottedObject object = testing::dotted_head(random, 60, 0.02);
   for (const bool light : {false, true}) {
     DotPaint paint;
     if (light) paint = {.dot = 0.9, .object = 0.15, .background = 0.3};
@@ -110,7 +110,7 @@ TEST(FindDots, DarkAndLightOnesOnAHead) {
 
 TEST(FindDots, DeviationsAreThoseOfTheNoise) {
   Random random(9);
-  const DottedObject object = testing::dotted_head(random, 40);
+  const DottedObject object = testing::dotted_head(random, 60, 0.02);
   double normalised = 0.0;
   int count = 0;
   for (int i = 0; i < 8; ++i) {
@@ -128,16 +128,22 @@ TEST(FindDots, ColouredDotsOfTheGroundsGreyLevel) {
   Rgb8 image{64, 64, {}};
   for (int y = 0; y < 64; ++y) {
     for (int x = 0; x < 64; ++x) {
-      const bool dot = std::hypot(x + 0.5 - 30.3, y + 0.5 - 33.8) < 9.0;
-      const std::array<std::uint8_t, 3> colour =
-          dot ? std::array<std::uint8_t, 3>{180, 60, 60} : std::array<std::uint8_t, 3>{60, 121, 60};
-      image.data.insert(image.data.end(), colour.begin(), colour.end());
+      int inside = 0;
+      for (int k = 0; k < 64; ++k) {
+        inside += std::hypot(x + (k % 8 + 0.5) / 8 - 30.3, y + (k / 8 + 0.5) / 8 - 33.8) < 9.0;
+      }
+      const auto level = [&](int dot, int ground) {
+        return static_cast<std::uint8_t>(ground + (dot - ground) * inside / 64);
+      };
+      for (const std::uint8_t value : {level(180, 60), level(60, 121), level(60, 60)}) {
+        image.data.push_back(value);
+      }
     }
   }
   const std::vector<Dot> dots = find_dots(image);
   ASSERT_EQ(dots.size(), 1u);
-  EXPECT_NEAR(dots[0].centre_px.x(), 30.3, 0.1);
-  EXPECT_NEAR(dots[0].centre_px.y(), 33.8, 0.1);
+  EXPECT_NEAR(dots[0].centre_px.x(), 30.3, 0.05);
+  EXPECT_NEAR(dots[0].centre_px.y(), 33.8, 0.05);
 }
 
 TEST(FindDots, NothingInAnEvenPicture) {

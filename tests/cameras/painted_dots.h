@@ -25,10 +25,12 @@ struct DottedObject {
   Eigen::Vector3d half_axes_m{0.075, 0.1, 0.085};
   std::vector<Disc> discs;  // in the object's frame, normals out of it
 
+  static std::string name_of(int disc) { return std::string("p").append(std::to_string(disc)); }
+
   std::vector<MarkerPoint> points(bool with_faces) const {
     std::vector<MarkerPoint> result;
     for (std::size_t i = 0; i < discs.size(); ++i) {
-      MarkerPoint point{.name = "p" + std::to_string(i), .position_m = discs[i].centre_m};
+      MarkerPoint point{.name = name_of(static_cast<int>(i)), .position_m = discs[i].centre_m};
       if (with_faces) {
         point.radius_m = discs[i].radius_m;
         point.normal = discs[i].normal;

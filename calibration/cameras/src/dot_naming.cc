@@ -22,7 +22,9 @@ using Eigen::Vector3d;
 constexpr int kFewestNamed = 7;        // by chance six dots fall on points too often
 constexpr double kFewestShare = 0.5;   // of the dots within the points' outline
 constexpr double kReachOfExtent = 0.02, kLeastReach_px = 3.0;
-constexpr int kNeighbours = 12, kMostTriples = 60;
+constexpr int kNeighbours = 10;
+constexpr std::size_t kTriplesAtOnce = 10, kMostTriples = 60;
+constexpr double kGoodShare = 0.7;  // of the dots found: no more triples are tried
 constexpr std::size_t kMostHypotheses = 12;
 constexpr double kNearlyAsMany = 0.8, kNearlyAsGood = 2.0, kAlwaysAsGood_px = 0.5;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -271,78 +273,122 @@ std::optional<Naming> DotNamer::near(const Camera& camera, const Rigid3& camera_
   return refined(start, dots_px, reach_px, true);
 }
 
-std::optional<Naming> DotNamer::search(const Camera& camera, const Matrix2Xd& dots_px,
-                                       bool focal_known) const {
-  if (dots_px.cols() < kFewestNamed) return std::nullopt;
-  // Rays, and pixels of a camera without a lens, that the table is made of.
-  const Camera plain = camera.without_distortion();
-  std::vector<Vector3d> rays;
-  Matrix2Xd straight(2, dots_px.cols());
-  for (Eigen::Index k = 0; k < dots_px.cols(); ++k) {
-    const Vector3d ray = unproject(camera, dots_px.col(k));
-    if (!ray.allFinite()) return std::nullopt;
-    straight.col(k) = project(plain, ray);
-    rays.push_back(ray.normalized());
+/// Poses from triples of one picture's dots, the best of them with different names.
+class DotNamer::Search {
+ public:
+  Search(const DotNamer& namer, const Camera& camera, const Matrix2Xd& dots_px)
+      : namer_(namer), plain_(camera.without_distortion()) {
+    Matrix2Xd straight(2, dots_px.cols());
+    for (Eigen::Index k = 0; k < dots_px.cols(); ++k) {
+      const Vector3d ray = unproject(camera, dots_px.col(k));
+      if (!ray.allFinite()) return;
+      straight.col(k) = project(plain_, ray);
+      rays_.push_back(ray.normalized());
+    }
+    reach_px = std::max(kLeastReach_px, kReachOfExtent * extent_of(straight));
+    triples_ = dot_triples(straight);
+    table_.emplace(straight, reach_px);
+    dot_hit_.resize(rays_.size());
   }
-  const double reach_px = std::max(kLeastReach_px, kReachOfExtent * extent_of(straight));
-  const DotTable table(straight, reach_px);
-  std::vector<Hypothesis> best;  // of different names
-  std::vector<int> point_of_dot(rays.size());
-  const auto verify = [&](const Rigid3& pose) {
-    std::fill(point_of_dot.begin(), point_of_dot.end(), -1);
-    int hits = 0;
-    for (std::size_t i = 0; i < points_m_.size(); ++i) {
-      const Vector3d seen = pose * points_m_[i];
-      if (!(seen.z() > 0.0) || !faces(static_cast<int>(i), pose)) continue;
-      const int dot = table.at(project(plain, seen));
-      if (dot < 0) continue;
-      hits += point_of_dot[static_cast<std::size_t>(dot)] < 0;
-      point_of_dot[static_cast<std::size_t>(dot)] = static_cast<int>(i);
-    }
-    return hits;
-  };
-  const auto consider = [&](const Rigid3& pose) {
-    const int hits = verify(pose);
-    const bool full = best.size() >= kMostHypotheses;
-    if (hits < 5 || (full && hits <= best.back().hits)) return;
-    constexpr double other_names = 0.34;
-    const auto known = std::find_if(best.begin(), best.end(), [&](const Hypothesis& h) {
-      return difference(h.point_of_dot, point_of_dot) < other_names;
-    });
-    if (known != best.end()) {
-      if (hits > known->hits) *known = {hits, pose, point_of_dot};
-    } else {
-      if (full) best.pop_back();
-      best.push_back({hits, pose, point_of_dot});
-    }
-    std::stable_sort(best.begin(), best.end(),
-                     [](const Hypothesis& a, const Hypothesis& b) { return a.hits > b.hits; });
-  };
-  for (const std::array<int, 3>& triple : dot_triples(straight)) {
-    const std::array<Vector3d, 3> seen{rays[static_cast<std::size_t>(triple[0])],
-                                       rays[static_cast<std::size_t>(triple[1])],
-                                       rays[static_cast<std::size_t>(triple[2])]};
-    for (std::size_t a = 0; a < points_m_.size(); ++a) {
-      for (const int b : neighbours_[a]) {
-        for (const int c : neighbours_[a]) {
+
+  /// Tries some more triples; false where there are none left.
+  bool more() {
+    if (next_ >= triples_.size()) return false;
+    const std::size_t end = std::min(next_ + kTriplesAtOnce, triples_.size());
+    for (; next_ < end; ++next_) try_triple(triples_[next_]);
+    return true;
+  }
+
+  std::vector<Hypothesis> best;  // by hits
+  double reach_px = 0.0;
+
+ private:
+  void try_triple(const std::array<int, 3>& triple) {
+    const auto ray = [&](int k) { return rays_[static_cast<std::size_t>(triple[k])]; };
+    const std::array<Vector3d, 3> rays{ray(0), ray(1), ray(2)};
+    const auto point = [&](int k) { return namer_.points_m_[static_cast<std::size_t>(k)]; };
+    for (int a = 0; a < static_cast<int>(namer_.points_m_.size()); ++a) {
+      const std::vector<int>& near = namer_.neighbours_[static_cast<std::size_t>(a)];
+      for (const int b : near) {
+        for (const int c : near) {
           if (b == c) continue;
-          const std::array<Vector3d, 3> three{points_m_[a], points_m_[static_cast<std::size_t>(b)],
-                                              points_m_[static_cast<std::size_t>(c)]};
-          for (const Rigid3& pose : three_point_poses(three, seen)) consider(pose);
+          const ThreePointPoses poses = three_point_poses({point(a), point(b), point(c)}, rays);
+          for (int i = 0; i < poses.count; ++i) {
+            const Rigid3& pose = poses.camera_from_object[static_cast<std::size_t>(i)];
+            if (!namer_.faces(a, pose) || !namer_.faces(b, pose) || !namer_.faces(c, pose)) continue;
+            consider(pose, a);
+          }
         }
       }
     }
   }
-  std::vector<Naming> namings;
-  for (const Hypothesis& hypothesis : best) {
-    Naming start;
-    start.camera = camera;
-    start.camera_from_object = hypothesis.pose;
-    if (auto naming = refined(start, dots_px, reach_px, focal_known)) {
-      namings.push_back(std::move(*naming));
-    }
+
+  int dot_under(const Eigen::Matrix3d& turn, const Vector3d& shift, int point) const {
+    const Vector3d seen = turn * namer_.points_m_[static_cast<std::size_t>(point)] + shift;
+    return seen.z() > 0.0 ? table_->at(project(plain_, seen)) : -1;
   }
-  return best_of(namings);
+
+  void consider(const Rigid3& pose, int first) {
+    const Eigen::Matrix3d turn = pose.rotation.toRotationMatrix();
+    // Besides the three points themselves some neighbour must be on a dot.
+    constexpr int fewest_near = 4, fewest = 5;
+    int near_hits = 1;
+    for (const int point : namer_.neighbours_[static_cast<std::size_t>(first)]) {
+      near_hits += dot_under(turn, pose.translation_m, point) >= 0;
+    }
+    if (near_hits < fewest_near) return;
+    std::fill(dot_hit_.begin(), dot_hit_.end(), -1);
+    int hits = 0;
+    for (int i = 0; i < static_cast<int>(namer_.points_m_.size()); ++i) {
+      const int dot = dot_under(turn, pose.translation_m, i);
+      if (dot < 0 || !namer_.faces(i, pose)) continue;
+      hits += dot_hit_[static_cast<std::size_t>(dot)] < 0;
+      dot_hit_[static_cast<std::size_t>(dot)] = i;
+    }
+    const bool full = best.size() >= kMostHypotheses;
+    if (hits < fewest || (full && hits <= best.back().hits)) return;
+    constexpr double other_names = 0.34;
+    const auto known = std::find_if(best.begin(), best.end(), [&](const Hypothesis& h) {
+      return difference(h.point_of_dot, dot_hit_) < other_names;
+    });
+    if (known != best.end()) {
+      if (hits > known->hits) *known = {hits, pose, dot_hit_};
+    } else {
+      if (full) best.pop_back();
+      best.push_back({hits, pose, dot_hit_});
+    }
+    std::stable_sort(best.begin(), best.end(),
+                     [](const Hypothesis& a, const Hypothesis& b) { return a.hits > b.hits; });
+  }
+
+  const DotNamer& namer_;
+  Camera plain_;
+  std::vector<Vector3d> rays_;
+  std::vector<std::array<int, 3>> triples_;
+  std::size_t next_ = 0;
+  std::optional<DotTable> table_;
+  std::vector<int> dot_hit_;  // point on each dot
+};
+
+std::optional<Naming> DotNamer::search(const Camera& camera, const Matrix2Xd& dots_px,
+                                       bool focal_known) const {
+  if (dots_px.cols() < kFewestNamed) return std::nullopt;
+  Search search(*this, camera, dots_px);
+  std::optional<Naming> best;
+  while (search.more()) {
+    std::vector<Naming> namings;
+    for (const Hypothesis& hypothesis : search.best) {
+      Naming start;
+      start.camera = camera;
+      start.camera_from_object = hypothesis.pose;
+      if (auto naming = refined(start, dots_px, search.reach_px, focal_known)) {
+        namings.push_back(std::move(*naming));
+      }
+    }
+    best = best_of(namings);
+    if (best && best->named >= kGoodShare * static_cast<double>(dots_px.cols())) break;
+  }
+  return best;
 }
 
 std::optional<Naming> DotNamer::search_focal(const Camera& camera, const Matrix2Xd& dots_px,

@@ -49,6 +49,7 @@ class DotNamer {
                           const Eigen::Matrix2Xd& dots_px, double reach_px) const;
 
  private:
+  class Search;
   struct Hypothesis;
   bool faces(int point, const Rigid3& camera_from_object) const;
   std::optional<Naming> refined(const Naming& start, const Eigen::Matrix2Xd& dots_px,

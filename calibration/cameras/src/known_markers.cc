@@ -96,7 +96,11 @@ class CameraNamer {
       auto naming = namer_.search_focal(camera_, centres_px(picture.dots), factors);
       if (!naming) continue;
       ambiguous += naming->ambiguous;
-      if (!naming->ambiguous) seeds.push_back({index, std::move(*naming)});
+      if (naming->ambiguous) continue;
+      // The first one says roughly what the others are to be tried with.
+      if (seeds.empty()) camera_.focal_px = naming->camera.focal_px;
+      factors = kRoughFocals;
+      seeds.push_back({index, std::move(*naming)});
     }
     if (seeds.empty()) report_failure(most_dots, ambiguous);
     // Of what the seeds say one by one, the middle; together they say it better.
@@ -260,11 +264,6 @@ class KnownSolver {
         namer_(positions(points), normals(points)) {
     result_.points = points;
     survey_.points_m = positions(points);
-    for (const MarkerPoint& point : points) {
-      std::optional<DotFace> face;
-      if (point.normal && point.radius_m) face = DotFace{*point.normal, *point.radius_m};
-      faces_.push_back(face);
-    }
   }
 
   MarkerCalibration solve() {
@@ -272,17 +271,31 @@ class KnownSolver {
     adjust_all();
     name_again();
     adjust_all();
-    const bool any_face =
-        std::any_of(faces_.begin(), faces_.end(), [](const auto& face) { return face.has_value(); });
-    for (int i = 0; any_face && i < kCorrections; ++i) {
+    for (int i = 0; i < kCorrections; ++i) {
       survey_ = result_.adjustment.survey;
-      correct_for_perspective(survey_, measured_px_, faces_);
+      correct_for_perspective(survey_, measured_px_, faces());
       adjust_all();
     }
     return std::move(result_);
   }
 
  private:
+  /// As the file says, otherwise as the ellipses do.
+  std::vector<std::optional<DotFace>> faces() const {
+    std::vector<const Dot*> dots;
+    for (std::size_t i = 0; i < result_.picture_of_sighting.size(); ++i) {
+      const auto picture = static_cast<std::size_t>(result_.picture_of_sighting[i]);
+      dots.push_back(
+          &pictures_[picture].dots[static_cast<std::size_t>(result_.dot_of_sighting[i])]);
+    }
+    std::vector<std::optional<DotFace>> faces = faces_from_views(result_.adjustment, dots);
+    for (std::size_t k = 0; k < faces.size(); ++k) {
+      const MarkerPoint& point = result_.points[k];
+      if (point.normal && point.radius_m) faces[k] = DotFace{*point.normal, *point.radius_m};
+    }
+    return faces;
+  }
+
   static std::vector<Vector3d> positions(const std::vector<MarkerPoint>& points) {
     std::vector<Vector3d> result;
     for (const MarkerPoint& point : points) result.push_back(point.position_m);
@@ -386,7 +399,6 @@ class KnownSolver {
   Survey survey_;
   std::map<int, int> placement_of_;  // instant
   std::vector<Vector2d> measured_px_;
-  std::vector<std::optional<DotFace>> faces_;
   MarkerCalibration result_;
 };
 

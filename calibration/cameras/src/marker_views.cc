@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -16,6 +18,12 @@ using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+
+struct SeenFace {
+  const Camera* camera = nullptr;
+  Rigid3 camera_from_object;
+  const Dot* dot = nullptr;
+};
 
 /// One view of a face: its flattened disc, r^2 (I - n n'), seen across the ray. `across` has the two
 /// directions, `shape` what the ellipse says of the disc in them, in square metres.
@@ -71,6 +79,65 @@ Eigen::VectorXd misfit(const Vector3d& normal, double radius, const std::vector<
   return result;
 }
 
+struct FittedFace {
+  DotFace face;
+  double cost = std::numeric_limits<double>::infinity();
+};
+
+FittedFace fit_face(const Vector3d& start, double start_radius,
+                    const std::vector<FaceView>& views) {
+  constexpr int iterations = 10;
+  FittedFace best{{start, start_radius}, misfit(start, start_radius, views).squaredNorm()};
+  for (int i = 0; i < iterations; ++i) {
+    const auto [normal, radius] = best.face;
+    const Eigen::VectorXd now = misfit(normal, radius, views);
+    // Steps: two turns of the normal, and a relative change of the radius.
+    const Vector3d a = normal.unitOrthogonal(), b = normal.cross(a);
+    constexpr double h = 1e-6;
+    Eigen::MatrixX3d jacobian(now.size(), 3);
+    jacobian.col(0) = (misfit((normal + h * a).normalized(), radius, views) - now) / h;
+    jacobian.col(1) = (misfit((normal + h * b).normalized(), radius, views) - now) / h;
+    jacobian.col(2) = (misfit(normal, radius * (1.0 + h), views) - now) / h;
+    const Vector3d step = jacobian.colPivHouseholderQr().solve(-now);
+    if (!step.allFinite() || step.head<2>().norm() > 0.5 || std::abs(step[2]) > 0.5) break;
+    const DotFace next{(normal + step[0] * a + step[1] * b).normalized(),
+                       radius * (1.0 + step[2])};
+    const double cost = misfit(next.normal, next.radius_m, views).squaredNorm();
+    if (!(cost < best.cost)) break;
+    best = {next, cost};
+  }
+  return best;
+}
+
+std::optional<DotFace> face_from_views(const Vector3d& centre_m,
+                                       const std::vector<SeenFace>& seen) {
+  constexpr std::size_t fewest = 2, most_starts = 5;
+  constexpr double clearly_worse = 4.0, alike = 0.98;  // cosine
+  if (seen.size() < fewest) return std::nullopt;
+  std::vector<FaceView> views;
+  for (const SeenFace& one : seen) views.push_back(face_view(centre_m, one));
+  std::vector<FittedFace> fits;
+  for (std::size_t i = 0; i < views.size(); i += 1 + views.size() / most_starts) {
+    const double radius = std::sqrt(
+        Eigen::SelfAdjointEigenSolver<Matrix2d>(views[i].shape).eigenvalues()[1]);
+    if (!(radius > 0.0)) continue;
+    for (const Vector3d& normal : normals_of(views[i])) {
+      fits.push_back(fit_face(normal, radius, views));
+    }
+  }
+  if (fits.empty()) return std::nullopt;
+  const FittedFace best = *std::min_element(
+      fits.begin(), fits.end(),
+      [](const FittedFace& a, const FittedFace& b) { return a.cost < b.cost; });
+  for (const FittedFace& rival : fits) {
+    if (rival.face.normal.dot(best.face.normal) < alike &&
+        rival.cost < clearly_worse * best.cost) {
+      return std::nullopt;
+    }
+  }
+  return best.face;
+}
+
 }  // namespace
 
 void check_sizes(const std::vector<MarkerPicture>& pictures,
@@ -105,47 +172,24 @@ void correct_for_perspective(Survey& survey, const std::vector<Vector2d>& measur
   }
 }
 
-std::optional<DotFace> face_from_views(const Vector3d& centre_m,
-                                       const std::vector<SeenFace>& seen) {
-  constexpr std::size_t fewest = 3;
-  constexpr int iterations = 10;
-  if (seen.size() < fewest) return std::nullopt;
-  std::vector<FaceView> views;
-  for (const SeenFace& one : seen) views.push_back(face_view(centre_m, one));
-  Vector3d normal = Vector3d::Zero();
-  double radius = 0.0, least = std::numeric_limits<double>::infinity();
-  for (const FaceView& view : views) {
-    const double trial_radius =
-        std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix2d>(view.shape).eigenvalues()[1]);
-    for (const Vector3d& trial : normals_of(view)) {
-      const double cost = misfit(trial, trial_radius, views).squaredNorm();
-      if (!(cost < least)) continue;
-      least = cost;
-      normal = trial;
-      radius = trial_radius;
-    }
+std::vector<std::optional<DotFace>> faces_from_views(const Adjustment& adjustment,
+                                                     const std::vector<const Dot*>& dots) {
+  const Survey& survey = adjustment.survey;
+  std::vector<std::vector<SeenFace>> seen(survey.points_m.size());
+  for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
+    if (adjustment.outlier[i] != 0) continue;
+    const Sighting& sighting = survey.sightings[i];
+    const Camera& camera = survey.cameras[static_cast<std::size_t>(sighting.camera)];
+    const Rigid3 camera_from_object =
+        camera.camera_from_world *
+        survey.world_from_target[static_cast<std::size_t>(sighting.placement)];
+    seen[static_cast<std::size_t>(sighting.point)].push_back({&camera, camera_from_object, dots[i]});
   }
-  if (!(radius > 0.0)) return std::nullopt;
-  for (int i = 0; i < iterations; ++i) {
-    const Eigen::VectorXd now = misfit(normal, radius, views);
-    // Steps: two turns of the normal, and a relative change of the radius.
-    const Vector3d a = normal.unitOrthogonal(), b = normal.cross(a);
-    constexpr double h = 1e-6;
-    Eigen::MatrixX3d jacobian(now.size(), 3);
-    jacobian.col(0) = (misfit((normal + h * a).normalized(), radius, views) - now) / h;
-    jacobian.col(1) = (misfit((normal + h * b).normalized(), radius, views) - now) / h;
-    jacobian.col(2) = (misfit(normal, radius * (1.0 + h), views) - now) / h;
-    const Vector3d step = jacobian.colPivHouseholderQr().solve(-now);
-    if (!step.allFinite() || step.head<2>().norm() > 0.5 || std::abs(step[2]) > 0.5) break;
-    const Vector3d next = (normal + step[0] * a + step[1] * b).normalized();
-    const double next_radius = radius * (1.0 + step[2]);
-    const double cost = misfit(next, next_radius, views).squaredNorm();
-    if (!(cost < least)) break;
-    normal = next;
-    radius = next_radius;
-    least = cost;
+  std::vector<std::optional<DotFace>> faces;
+  for (std::size_t k = 0; k < seen.size(); ++k) {
+    faces.push_back(face_from_views(survey.points_m[k], seen[k]));
   }
-  return DotFace{normal, radius};
+  return faces;
 }
 
 Eigen::Matrix2Xd centres_px(const std::vector<Dot>& dots) {

@@ -24,16 +24,11 @@ void check_sizes(const std::vector<MarkerPicture>& pictures,
 void correct_for_perspective(Survey& survey, const std::vector<Eigen::Vector2d>& measured_px,
                              const std::vector<std::optional<DotFace>>& faces);
 
-/// The face whose outlines come closest to those seen: `seen` are ellipses, each with the disc's
-/// centre in its camera's frame and that camera's place. Gauss-Newton over normal and radius from
-/// the best of the normals that single ellipses say. None where the views do not tell it.
-struct SeenFace {
-  const Camera* camera = nullptr;
-  Rigid3 camera_from_object;
-  const Dot* dot = nullptr;
-};
-std::optional<DotFace> face_from_views(const Eigen::Vector3d& centre_m,
-                                       const std::vector<SeenFace>& seen);
+/// The face of each point of an adjustment, from the ellipses of its sightings that are no outliers
+/// (`dots`, one per sighting): Gauss-Newton over normal and radius from the normals that single
+/// ellipses say. None for a point whose views do not tell, or tell two normals.
+std::vector<std::optional<DotFace>> faces_from_views(const Adjustment& adjustment,
+                                                     const std::vector<const Dot*>& dots);
 
 Eigen::Matrix2Xd centres_px(const std::vector<Dot>& dots);
 

@@ -1,8 +1,8 @@
 #include "three_point_pose.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
-#include <complex>
 
 namespace semblance {
 namespace {
@@ -20,36 +20,46 @@ double slope_at(const Quartic& q, double x) {
   return ((4.0 * q[4] * x + 3.0 * q[3]) * x + 2.0 * q[2]) * x + q[1];
 }
 
+/// The largest real root of z^3 + p z^2 + u z + v (Cardano; by the cosine where all are real).
+double largest_root(double p, double u, double v) {
+  const double m = u - p * p / 3.0, n = 2.0 * p * p * p / 27.0 - p * u / 3.0 + v;
+  const double inner = n * n / 4.0 + m * m * m / 27.0;
+  if (inner >= 0.0) {
+    const double root = std::sqrt(inner);
+    return std::cbrt(-n / 2.0 + root) + std::cbrt(-n / 2.0 - root) - p / 3.0;
+  }
+  const double size = 2.0 * std::sqrt(-m / 3.0);
+  const double cosine = std::clamp(3.0 * n / (m * size), -1.0, 1.0);
+  return size * std::cos(std::acos(cosine) / 3.0) - p / 3.0;
+}
+
+struct Roots {
+  std::array<double, 4> values{};
+  int count = 0;
+};
+
 /// Real roots by Ferrari's formula, each sharpened by Newton's method.
-std::vector<double> real_roots(const Quartic& q) {
-  using Complex = std::complex<double>;
+Roots real_roots(const Quartic& q) {
   const double b = q[3] / q[4], c = q[2] / q[4], d = q[1] / q[4], e = q[0] / q[4];
-  if (!std::isfinite(b + c + d + e)) return {};
-  // y^4 + p y^2 + r y + s with x = y - b / 4.
+  Roots roots;
+  if (!std::isfinite(b + c + d + e)) return roots;
+  // y^4 + p y^2 + r y + s with x = y - b / 4, and its resolvent.
   const double p = c - 3.0 * b * b / 8.0, r = d - b * c / 2.0 + b * b * b / 8.0;
   const double s = e - b * d / 4.0 + b * b * c / 16.0 - 3.0 * b * b * b * b / 256.0;
-  // A root of the resolvent z^3 + p z^2 + (p^2/4 - s) z - r^2/8 by Cardano's formula.
-  const double u = p * p / 4.0 - s, v = -r * r / 8.0;
-  const double m = u - p * p / 3.0, n = 2.0 * p * p * p / 27.0 - p * u / 3.0 + v;
-  const Complex root = std::sqrt(Complex(n * n / 4.0 + m * m * m / 27.0));
-  const Complex sum = std::abs(-n / 2.0 + root) > std::abs(-n / 2.0 - root) ? -n / 2.0 + root
-                                                                            : -n / 2.0 - root;
-  const Complex cube = std::pow(sum, 1.0 / 3.0);
-  const Complex z = std::abs(cube) > 1e-14 ? cube - m / (3.0 * cube) - p / 3.0 : Complex(-p / 3.0);
-  const Complex w = std::sqrt(2.0 * z);
-  std::vector<double> roots;
+  const double z = std::max(largest_root(p, p * p / 4.0 - s, -r * r / 8.0), 1e-30);
+  const double w = std::sqrt(2.0 * z);
   for (const double sign : {1.0, -1.0}) {
-    const Complex half = std::abs(w) > 1e-14 ? sign * r / w : Complex(0.0);
-    const Complex inner = std::sqrt(-(2.0 * p + 2.0 * z + 2.0 * half));
+    double square = -(2.0 * p + 2.0 * z + 2.0 * sign * r / w);
+    // A double root may come out a little imaginary.
+    if (square < -1e-6 * (std::abs(p) + z)) continue;
+    square = std::sqrt(std::max(square, 0.0));
     for (const double other : {1.0, -1.0}) {
-      const Complex y = 0.5 * (sign * w + other * inner);
-      if (std::abs(y.imag()) > 1e-4 * (1.0 + std::abs(y.real()))) continue;
-      double x = y.real() - b / 4.0;
+      double x = 0.5 * (sign * w + other * square) - b / 4.0;
       for (int i = 0; i < 3; ++i) {
         const double slope = slope_at(q, x);
         if (slope != 0.0) x -= value_at(q, x) / slope;
       }
-      if (std::isfinite(x)) roots.push_back(x);
+      if (std::isfinite(x)) roots.values[static_cast<std::size_t>(roots.count++)] = x;
     }
   }
   return roots;
@@ -65,13 +75,14 @@ Matrix3d triad(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
 
 }  // namespace
 
-std::vector<Rigid3> three_point_poses(const std::array<Vector3d, 3>& points,
-                                      const std::array<Vector3d, 3>& rays) {
+ThreePointPoses three_point_poses(const std::array<Vector3d, 3>& points,
+                                  const std::array<Vector3d, 3>& rays) {
   const double a2 = (points[1] - points[2]).squaredNorm();
   const double b2 = (points[0] - points[2]).squaredNorm();
   const double c2 = (points[0] - points[1]).squaredNorm();
   const Matrix3d object = triad(points[0], points[1], points[2]);
-  if (!object.allFinite() || b2 == 0.0) return {};
+  ThreePointPoses poses;
+  if (!object.allFinite() || b2 == 0.0) return poses;
   const double ca = rays[1].dot(rays[2]), cb = rays[0].dot(rays[2]), cg = rays[0].dot(rays[1]);
   const double k = (a2 - c2) / b2, l = (a2 + c2) / b2;
   const Quartic quartic{
@@ -81,8 +92,9 @@ std::vector<Rigid3> three_point_poses(const std::array<Vector3d, 3>& points,
              4.0 * l * ca * cb * cg + 2.0 * (b2 - a2) / b2 * cg * cg),
       4.0 * (k * (1.0 - k) * cb - (1.0 - l) * ca * cg + 2.0 * c2 / b2 * ca * ca * cb),
       (k - 1.0) * (k - 1.0) - 4.0 * c2 / b2 * ca * ca};
-  std::vector<Rigid3> poses;
-  for (const double v : real_roots(quartic)) {
+  const Roots roots = real_roots(quartic);
+  for (int i = 0; i < roots.count; ++i) {
+    const double v = roots.values[static_cast<std::size_t>(i)];
     // Lengths of the rays: the second u and the third v times the first.
     const double u = ((k - 1.0) * v * v - 2.0 * k * cb * v + 1.0 + k) / (2.0 * (cg - v * ca));
     const double first = std::sqrt(b2 / (1.0 + v * v - 2.0 * v * cb));
@@ -91,7 +103,8 @@ std::vector<Rigid3> three_point_poses(const std::array<Vector3d, 3>& points,
     const Matrix3d camera = triad(seen, first * u * rays[1], first * v * rays[2]);
     if (!camera.allFinite()) continue;
     const Matrix3d rotation = camera * object.transpose();
-    poses.push_back({Eigen::Quaterniond(rotation), seen - rotation * points[0]});
+    poses.camera_from_object[static_cast<std::size_t>(poses.count++)] = {
+        Eigen::Quaterniond(rotation), seen - rotation * points[0]};
   }
   return poses;
 }

@@ -517,13 +517,18 @@ class UnknownSolver {
     if (options_.keep_outliers) options.outlier_sigmas.reset();
     options.cancelled = options_.cancelled;
     std::vector<Vector2d> measured_px;
-    for (const Sighting& sighting : survey.sightings) measured_px.push_back(sighting.pixel_px);
+    std::vector<const Dot*> dots;
+    for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
+      const int view = start.views[static_cast<std::size_t>(survey.sightings[i].placement)];
+      measured_px.push_back(survey.sightings[i].pixel_px);
+      dots.push_back(&dot_at(views_[static_cast<std::size_t>(view)], start.dots[i]));
+    }
     MarkerCalibration result;
     std::vector<std::optional<DotFace>> faces;
     for (int i = 0; i <= kCorrections; ++i) {
       result.adjustment = adjust(survey, options);
       survey = result.adjustment.survey;
-      faces = faces_of(start, result.adjustment);
+      faces = faces_from_views(result.adjustment, dots);
       if (i < kCorrections) correct_for_perspective(survey, measured_px, faces);
     }
     for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
@@ -579,26 +584,6 @@ class UnknownSolver {
     }
     known.sigma_m = 1e-4 * known.length_m;
     return known;
-  }
-
-  std::vector<std::optional<DotFace>> faces_of(const ShapeSurvey& start,
-                                               const Adjustment& adjustment) const {
-    const Survey& survey = adjustment.survey;
-    std::vector<std::vector<SeenFace>> seen(survey.points_m.size());
-    for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
-      if (adjustment.outlier[i] != 0) continue;
-      const Sighting& sighting = survey.sightings[i];
-      const int view = start.views[static_cast<std::size_t>(sighting.placement)];
-      seen[static_cast<std::size_t>(sighting.point)].push_back(
-          {&survey.cameras[0],
-           survey.world_from_target[static_cast<std::size_t>(sighting.placement)],
-           &dot_at(views_[static_cast<std::size_t>(view)], start.dots[i])});
-    }
-    std::vector<std::optional<DotFace>> faces;
-    for (std::size_t k = 0; k < seen.size(); ++k) {
-      faces.push_back(face_from_views(survey.points_m[k], seen[k]));
-    }
-    return faces;
   }
 
   static void add_points(const std::vector<std::string>& names,

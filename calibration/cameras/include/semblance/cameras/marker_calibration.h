@@ -50,7 +50,8 @@ struct MarkerCalibration {
 /// several cameras the first one is the frame, and the others are chained to it through instants
 /// that pairs of them share.
 ///
-/// Centres of dots whose radius and normal are known are corrected for perspective.
+/// Centres are corrected for perspective, by radii and normals as given, otherwise as the ellipses say
+/// where several views agree.
 ///
 /// Throws InvalidInput for points that a turn leaves the same (no picture can name them) or that are
 /// too few, for pictures of one camera that differ in size, and for cameras that share no instant;

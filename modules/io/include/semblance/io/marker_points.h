@@ -13,10 +13,10 @@ namespace semblance {
 struct MarkerPoint {
   std::string name;
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
-  std::optional<double> radius_m;
-  std::optional<Eigen::Vector3d> normal;  // out of the object, of length 1
+  std::optional<double> radius_m{};
+  std::optional<Eigen::Vector3d> normal{};  // out of the object, of length 1
   /// Deviation along x, y and z; absent where it is not known.
-  std::optional<Eigen::Vector3d> sigma_m;
+  std::optional<Eigen::Vector3d> sigma_m{};
 };
 
 /// Points from the JSON of a file. Throws InvalidInput naming `source` and the key: at most 10,000
