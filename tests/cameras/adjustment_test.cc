@@ -228,5 +228,30 @@ TEST(Adjustment, RefusesWhatItCannotUse) {
   EXPECT_THROW(adjust(survey, keep_all), SolverError);
 }
 
+TEST(Adjustment, CentreCovarianceIsThatOfCentres) {
+  Random random(77);
+  Camera camera = Camera::centred(640, 480, 500.0);
+  camera.camera_from_world = {quaternion_from_rotation_vector({0.4, -0.7, 0.2}), {0.3, -0.1, 2.0}};
+  Eigen::Matrix<double, 6, 6> root;
+  for (double& entry : root.reshaped()) entry = 1e-3 * random.normal();
+  const Eigen::Vector3d middle = camera.camera_from_world.inverse().translation_m;
+  Eigen::Matrix3d sampled = Eigen::Matrix3d::Zero();
+  constexpr int samples = 40000;
+  for (int i = 0; i < samples; ++i) {
+    Eigen::Matrix<double, 6, 1> unit;
+    for (double& entry : unit.reshaped()) entry = random.normal();
+    const Eigen::Matrix<double, 6, 1> step = root * unit;
+    const Rigid3& pose = camera.camera_from_world;
+    const Rigid3 moved{quaternion_from_rotation_vector(step.head<3>()) * pose.rotation,
+                       pose.translation_m + step.tail<3>()};
+    const Eigen::Vector3d off = moved.inverse().translation_m - middle;
+    sampled += off * off.transpose() / samples;
+  }
+  CameraUncertainty known;
+  known.pose = root * root.transpose();
+  const Eigen::Matrix3d stated = centre_covariance(camera, known);
+  EXPECT_LT((sampled - stated).norm(), 0.03 * stated.norm());
+}
+
 }  // namespace
 }  // namespace semblance

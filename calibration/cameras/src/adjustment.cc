@@ -42,6 +42,17 @@ std::vector<char> beyond(const std::vector<double>& lengths, double limit) {
   return marks;
 }
 
+// A free point that one sighting alone counts for has no place: that sighting says nothing.
+void leave_out_lonely_points(const Survey& survey, std::vector<char>& outlier) {
+  std::vector<int> counts(survey.points_m.size(), 0);
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    counts[static_cast<std::size_t>(survey.sightings[i].point)] += outlier[i] ? 0 : 1;
+  }
+  for (std::size_t i = 0; i < outlier.size(); ++i) {
+    if (counts[static_cast<std::size_t>(survey.sightings[i].point)] < 2) outlier[i] = 1;
+  }
+}
+
 void check_start(const Survey& survey) {
   for (const Sighting& sighting : survey.sightings) {
     if (residual_px(survey, sighting).allFinite()) continue;
@@ -97,6 +108,7 @@ void solve_in_rounds(Adjustment& result, const AdjustmentOptions& options) {
     const double sigma_px = median(lengths) / kRayleighMedian;
     std::vector<char> outlier =
         beyond(lengths, std::max(*options.outlier_sigmas * sigma_px, kAlwaysGood_px));
+    if (options.points) leave_out_lonely_points(result.survey, outlier);
     if (round > 0 && outlier == result.outlier) return;
     result.outlier = std::move(outlier);
     solve(result, options, std::max(sigma_px, 1e-9));
@@ -126,6 +138,17 @@ void add_statistics(Adjustment& result, int free_parameters) {
 }
 
 }  // namespace
+
+// The centre is -R' t; R turns by exp(w) from the left, t moves by d.
+Eigen::Matrix3d centre_covariance(const Camera& camera, const CameraUncertainty& uncertainty) {
+  const Eigen::Matrix3d back = camera.camera_from_world.rotation.toRotationMatrix().transpose();
+  const Eigen::Vector3d& t = camera.camera_from_world.translation_m;
+  Eigen::Matrix3d cross;
+  cross << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
+  Eigen::Matrix<double, 3, 6> by_pose;
+  by_pose << -back * cross, -back;
+  return by_pose * uncertainty.pose * by_pose.transpose();
+}
 
 Adjustment adjust(const Survey& start, const AdjustmentOptions& options) {
   validate(start, "survey");

@@ -146,13 +146,14 @@ class Page {
     }
     if (adjustment_.survey.cameras.size() > 1) {
       const Eigen::Vector3d centre = camera.camera_from_world.inverse().translation_m;
-      const auto& pose = known ? known->pose : Eigen::Matrix<double, 6, 6>::Zero().eval();
+      const Eigen::Matrix3d spread =
+          known ? centre_covariance(camera, *known) : Eigen::Matrix3d::Zero().eval();
+      const double turn = known ? std::sqrt(known->pose.topLeftCorner<3, 3>().trace()) : 0.0;
       const char* axes[] = {"x", "y", "z"};
       for (int k = 0; k < 3; ++k) {
-        row(fmt::format("centre {}", axes[k]), centre[k], std::sqrt(pose(3 + k, 3 + k)), "m");
+        row(fmt::format("centre {}", axes[k]), centre[k], std::sqrt(spread(k, k)), "m");
       }
-      row("direction", 0.0, kDegrees * std::sqrt(pose.topLeftCorner<3, 3>().trace()),
-          "degrees (only σ)");
+      row("direction", 0.0, kDegrees * turn, "degrees (only σ)");
     }
     out_ += "</table>\n";
   }

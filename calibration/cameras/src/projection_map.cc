@@ -30,28 +30,56 @@ Eigen::Matrix<double, 2, 3> pixel_by_rotation(const Camera& camera,
 }
 
 ProjectionMap::ProjectionMap(const Camera& camera, int rows, int columns)
-    : rows_(rows), columns_(columns), motion_(static_cast<std::size_t>(rows * columns)) {
+    : camera_(camera),
+      rows_(rows),
+      columns_(columns),
+      motion_(static_cast<std::size_t>(rows * columns)) {
   const int parameters = 4 + coefficient_count(camera.lens);
-  std::vector<Eigen::Matrix<double, 2, 3>> turn(motion_.size());
+  std::vector<Eigen::Matrix<double, 2, 3>> turn(motion_.size(),
+                                                Eigen::Matrix<double, 2, 3>::Zero());
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(3, parameters);
-  for (int row = 0; row < rows; ++row) {
-    for (int column = 0; column < columns; ++column) {
-      const Eigen::Vector2d pixel((column + 0.5) * camera.width / columns,
-                                  (row + 0.5) * camera.height / rows);
-      const Eigen::Vector2d direction = unproject(camera, pixel).head<2>();
-      if (!direction.allFinite()) continue;
-      const auto cell = static_cast<std::size_t>(row * columns + column);
-      motion_[cell] = pixel_by_intrinsics(camera, direction);
-      turn[cell] = pixel_by_rotation(camera, direction);
-      normal += turn[cell].transpose() * turn[cell];
-      right += turn[cell].transpose() * motion_[cell];
-    }
+  for (std::size_t cell = 0; cell < motion_.size(); ++cell) {
+    const Eigen::Vector2d direction = unproject(camera, middle_of(cell)).head<2>();
+    if (!direction.allFinite()) continue;
+    motion_[cell] = pixel_by_intrinsics(camera, direction);
+    turn[cell] = pixel_by_rotation(camera, direction);
+    normal += turn[cell].transpose() * turn[cell];
+    right += turn[cell].transpose() * motion_[cell];
   }
   const Eigen::MatrixXd undoing = normal.ldlt().solve(right);
   for (std::size_t cell = 0; cell < motion_.size(); ++cell) {
     if (motion_[cell].cols() > 0) motion_[cell] -= turn[cell] * undoing;
   }
+}
+
+Eigen::Vector2d ProjectionMap::middle_of(std::size_t cell) const {
+  const auto index = static_cast<int>(cell);
+  return {(index % columns_ + 0.5) * camera_.width / columns_,
+          (index / columns_ + 0.5) * camera_.height / rows_};
+}
+
+Eigen::MatrixXd ProjectionMap::change_px(const Camera& other) const {
+  std::vector<Eigen::Vector2d> change(motion_.size(), Eigen::Vector2d::Zero());
+  std::vector<Eigen::Matrix<double, 2, 3>> turn(motion_.size(),
+                                                Eigen::Matrix<double, 2, 3>::Zero());
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (std::size_t cell = 0; cell < motion_.size(); ++cell) {
+    const Eigen::Vector3d direction = unproject(camera_, middle_of(cell));
+    change[cell] = project(other, direction) - middle_of(cell);
+    if (!direction.allFinite() || !change[cell].allFinite()) continue;
+    turn[cell] = pixel_by_rotation(camera_, direction.head<2>());
+    normal += turn[cell].transpose() * turn[cell];
+    right += turn[cell].transpose() * change[cell];
+  }
+  const Eigen::Vector3d undoing = normal.ldlt().solve(right);
+  Eigen::MatrixXd result(rows_, columns_);
+  for (std::size_t cell = 0; cell < motion_.size(); ++cell) {
+    const auto index = static_cast<Eigen::Index>(cell);
+    result(index / columns_, index % columns_) = (change[cell] - turn[cell] * undoing).norm();
+  }
+  return result;
 }
 
 Eigen::MatrixXd ProjectionMap::sigma_px(const Eigen::MatrixXd& intrinsics_covariance) const {

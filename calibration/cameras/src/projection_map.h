@@ -23,8 +23,14 @@ class ProjectionMap {
   Eigen::MatrixXd sigma_px(const Eigen::MatrixXd& intrinsics_covariance) const;
   /// Root of the mean of its squares.
   double mean_sigma_px(const Eigen::MatrixXd& intrinsics_covariance) const;
+  /// How far another camera's projection of each cell's direction is away, less the small rotation
+  /// that undoes most of it. NaN where either lens does not show it.
+  Eigen::MatrixXd change_px(const Camera& other) const;
 
  private:
+  Eigen::Vector2d middle_of(std::size_t cell) const;
+
+  Camera camera_;
   int rows_, columns_;
   std::vector<Eigen::Matrix<double, 2, Eigen::Dynamic>> motion_;  // empty: not shown
 };

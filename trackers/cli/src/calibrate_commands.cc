@@ -135,6 +135,8 @@ void add_calibrate_commands(CLI::App& app, Context& context) {
   add_detect(*calibrate, context);
   add_print(*calibrate, context);
   add_calibrate_sheet_commands(*calibrate, context);
+  add_calibrate_markers_command(*calibrate, context);
+  add_calibrate_photos_command(*calibrate, context);
   add_calibrate_convert_command(*calibrate, context);
 }
 

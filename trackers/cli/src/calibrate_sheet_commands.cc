@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "calibration_results.h"
 #include "commands.h"
 #include "semblance/cameras/board_calibration.h"
-#include "semblance/cameras/calibration_report.h"
 #include "semblance/cameras/rig_calibration.h"
 #include "semblance/cameras/sheet_pictures.h"
 #include "semblance/core/atomic_file.h"
@@ -39,12 +39,6 @@ struct RigCommandOptions : SheetOptions {
   bool time_offsets = false;
 };
 
-std::vector<std::string> lens_names() {
-  std::vector<std::string> names;
-  for (const Lens lens : all_lenses) names.emplace_back(lens_name(lens));
-  return names;
-}
-
 std::vector<std::string> texts(const std::vector<PictureName>& names) {
   std::vector<std::string> result;
   for (const PictureName& name : names) result.push_back(name.text());
@@ -68,61 +62,6 @@ void note_size(const Target& asked, std::vector<std::string>& notes) {
         "the sheet's size is not known: 1 m was assumed, and distances are in that unit; give it "
         "as in auto:0.025");
   }
-}
-
-// What the verdict says of one camera, for the summary.
-Json json_of(const CameraVerdict& verdict, const Camera& camera) {
-  Json json{{"name", camera.name},
-            {"rms_px", verdict.rms_px},
-            {"focal_px", {camera.focal_px.x(), camera.focal_px.y()}},
-            {"principal_px", {camera.principal_px.x(), camera.principal_px.y()}},
-            {"views", verdict.placements},
-            {"points", verdict.sightings},
-            {"outliers", verdict.outliers},
-            {"coverage", verdict.coverage}};
-  if (verdict.held_out > 0) json["held_out_px"] = verdict.held_out_px;
-  if (verdict.sigma_px.size() > 0) {
-    json["worst_sigma_px"] =
-        verdict.sigma_px.array().isFinite().select(verdict.sigma_px, 0.0).maxCoeff();
-  }
-  return json;
-}
-
-void print_camera(const CameraVerdict& verdict, const Camera& camera) {
-  fmt::print("{}: {:.3f} px rms over {} views, {} of {} points are outliers", camera.name,
-             verdict.rms_px, verdict.placements, verdict.outliers, verdict.sightings);
-  if (verdict.held_out > 0) fmt::print("; {:.3f} px where left out", verdict.held_out_px);
-  fmt::print(
-      "\n  focal {:.2f} {:.2f} px, principal {:.2f} {:.2f} px, {:.0f} % of the picture "
-      "covered\n",
-      camera.focal_px.x(), camera.focal_px.y(), camera.principal_px.x(), camera.principal_px.y(),
-      100.0 * verdict.coverage);
-}
-
-// Verdict, report and maps: what board and rig have in common once they are solved.
-Verdict finish(const SheetOptions& options, const Adjustment& adjustment,
-               const CalibrationReport& report, Progress& progress) {
-  const Verdict verdict = judge(adjustment, progress);
-  const fs::path folder(options.folder);
-  for (std::size_t i = 0; i < verdict.cameras.size(); ++i) {
-    const Camera& camera = adjustment.survey.cameras[i];
-    if (verdict.cameras[i].sigma_px.size() > 0) {
-      AtomicFile map(folder / ("uncertainty_" + camera.name + ".svg"));
-      map.stream() << uncertainty_svg(adjustment, verdict, static_cast<int>(i));
-      map.commit();
-    }
-    print_camera(verdict.cameras[i], camera);
-  }
-  write_calibration_report((folder / "report.html").string(), adjustment, verdict, report);
-  for (const auto* list : {&verdict.warnings, &report.notes}) {
-    for (const std::string& text : *list) fmt::print("warning: {}\n", text);
-  }
-  return verdict;
-}
-
-void add_warnings(const Verdict& verdict, const CalibrationReport& report, Json& summary) {
-  summary["warnings"] = verdict.warnings;
-  for (const std::string& note : report.notes) summary["warnings"].push_back(note);
 }
 
 BoardOptions board_options(const SheetOptions& options) {
@@ -165,10 +104,10 @@ void run_board(const Context& context, const SheetOptions& options) {
   }
   prepare_output_folder(options.folder);
   write_camera((fs::path(options.folder) / "camera.json").string(), found.camera);
-  const Verdict verdict = finish(options, found.adjustment, report, *progress);
+  const Verdict verdict = finish_calibration(options.folder, found.adjustment, report, *progress);
 
   Json summary{{"target", report.target}, {"lens", options.lens}};
-  summary.update(json_of(verdict.cameras[0], found.camera));
+  summary.update(json_of(found.adjustment, verdict, 0));
   summary["rms_all_px"] = found.adjustment.rms_all_px;
   summary["outlier_views"] = std::move(outlier_views);
   summary["solve_s"] = found.adjustment.solve_s;
@@ -176,23 +115,6 @@ void run_board(const Context& context, const SheetOptions& options) {
   add_warnings(verdict, report, summary);
   write_summary(context, summary.dump(1));
   fmt::print("results in {}: camera.json report.html uncertainty_camera.svg\n", options.folder);
-}
-
-// Names of cameras, from those of their files.
-std::vector<std::string> camera_names(const std::vector<std::string>& files) {
-  std::vector<std::string> names;
-  for (const std::string& file : files) {
-    fs::path path(file);
-    if (!path.has_filename()) path = path.parent_path();
-    names.push_back(path.stem().string());
-    if (std::count(names.begin(), names.end(), names.back()) > 1) {
-      throw InvalidInput(
-          fmt::format("two cameras are named '{}' after their files; give the files "
-                      "different names",
-                      names.back()));
-    }
-  }
-  return names;
 }
 
 std::vector<RigCamera> known_cameras(const std::vector<std::string>& names,
@@ -216,7 +138,8 @@ std::vector<RigCamera> known_cameras(const std::vector<std::string>& names,
   }
   std::vector<RigCamera> cameras;
   for (const std::string& name : names) {
-    RigCamera camera{.name = name};
+    RigCamera camera;
+    camera.name = name;
     const auto found =
         std::find_if(given.begin(), given.end(), [&](const Camera& c) { return c.name == name; });
     if (found != given.end()) camera.camera = *found;
@@ -327,7 +250,7 @@ void run_rig(const Context& context, const RigCommandOptions& options) {
   note_size(asked, report.notes);
   prepare_output_folder(options.folder);
   write_rig((fs::path(options.folder) / "rig.json").string(), {found.cameras});
-  const Verdict verdict = finish(options, found.adjustment, report, *progress);
+  const Verdict verdict = finish_calibration(options.folder, found.adjustment, report, *progress);
 
   Json summary{{"target", report.target},
                {"rms_px", found.adjustment.rms_px},
@@ -337,7 +260,7 @@ void run_rig(const Context& context, const RigCommandOptions& options) {
                {"solve_s", found.adjustment.solve_s},
                {"detect_s", detect_s}};
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    summary["cameras"].push_back(json_of(verdict.cameras[c], found.cameras[c]));
+    summary["cameras"].push_back(json_of(found.adjustment, verdict, c));
     const double offset_s = found.adjustment.survey.time_offset_s[c];
     if (options.time_offsets) {
       summary["cameras"].back()["time_offset_s"] = offset_s;
@@ -378,6 +301,22 @@ void add_sheet_options(CLI::App& command, SheetOptions& options) {
 }
 
 }  // namespace
+
+std::vector<std::string> camera_names(const std::vector<std::string>& files) {
+  std::vector<std::string> names;
+  for (const std::string& file : files) {
+    fs::path path(file);
+    if (!path.has_filename()) path = path.parent_path();
+    names.push_back(path.stem().string());
+    if (std::count(names.begin(), names.end(), names.back()) > 1) {
+      throw InvalidInput(
+          fmt::format("two cameras are named '{}' after their files; give the files "
+                      "different names",
+                      names.back()));
+    }
+  }
+  return names;
+}
 
 void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context) {
   CLI::App* board = calibrate.add_subcommand("board", "One camera from pictures of a sheet");

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace semblance::cli {
 
@@ -25,11 +26,17 @@ void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
 void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
+void add_calibrate_photos_command(CLI::App& calibrate, Context& context);
 /// `calibrate board` and `calibrate rig`.
 void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context);
 
+void add_calibrate_markers_command(CLI::App& calibrate, Context& context);
+
 /// A wrong name of a calibration sheet is wrong usage.
 CLI::Validator sheet_name();
+
+/// Names of cameras, from those of their files. Throws InvalidInput where two are alike.
+std::vector<std::string> camera_names(const std::vector<std::string>& files);
 
 /// Creates a folder and those above it; throws IoError where that is refused.
 void make_folder(const std::string& folder);

@@ -54,6 +54,9 @@ struct CameraUncertainty {
   double time_offset_s = 0.0;        // deviation
 };
 
+/// Covariance of where the camera stands in the world, m^2.
+Eigen::Matrix3d centre_covariance(const Camera& camera, const CameraUncertainty& uncertainty);
+
 struct AdjustmentCovariance {
   std::vector<CameraUncertainty> cameras;
   std::vector<Eigen::Matrix<double, 6, 6>> placements;  // rotation about the world's axes, shift

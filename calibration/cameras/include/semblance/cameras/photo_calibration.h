@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "semblance/cameras/adjustment.h"
+#include "semblance/io/colmap.h"
+#include "semblance/io/marks_io.h"
 
 namespace semblance {
 
@@ -40,11 +42,30 @@ struct PhotoCalibration {
 };
 
 /// A survey to start from: photos posed by POSIT before points that are known roughly (a generic
-/// model), with a guessed focal length. Throws InvalidInput naming the photo where that fails, for
-/// less than two photos, and for photos that differ in size.
+/// model), with a guessed focal length. Points of which nothing is known (NaN) are placed by the
+/// photos; those that no two photos show from different sides get no sightings. Throws InvalidInput
+/// naming the photo where that fails, for less than two photos, and for photos that differ in size.
 Survey start_from_photos(const std::vector<PhotoMarks>& photos,
                          const std::vector<Eigen::Vector3d>& rough_points_m, double focal_px,
                          const PhotoOptions& options);
+
+/// The marks of each photo, by index into `marks.names()`. Opens the photos for their sizes.
+std::vector<PhotoMarks> photos_with_marks(const MarksFile& marks);
+
+/// `start_from_photos` with a row of focal lengths from 0.7 to 4 times the longer side of the
+/// picture; the one from which the joint adjustment ends best. Throws as that does, and SolverError
+/// where none leads to a fit.
+Survey best_start_from_photos(const std::vector<PhotoMarks>& photos,
+                              const std::vector<Eigen::Vector3d>& rough_points_m,
+                              const PhotoOptions& options);
+
+/// A model of COLMAP's whose images are of one camera, as a survey to adjust further: a placement
+/// per image, in the order of their numbers. Throws InvalidInput for several cameras.
+Survey survey_from_colmap(const ColmapModel& model);
+
+/// A camera for each placement: the survey's one camera with its place in the frame of the points.
+/// `names` are theirs.
+std::vector<Camera> cameras_of_photos(const Survey& survey, const std::vector<std::string>& names);
 
 /// The loop of the Mirages report, 5.2.1 and 5.3.3.3: cameras from the points, points from the
 /// cameras, and so on until the error stays. Each half is a least-squares solve of `adjust`.
