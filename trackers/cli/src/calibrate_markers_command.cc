@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -14,8 +15,10 @@
 #include "commands.h"
 #include "semblance/cameras/marker_calibration.h"
 #include "semblance/cameras/sheet_pictures.h"
+#include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/html_page.h"
+#include "semblance/core/progress.h"
 #include "semblance/io/camera_io.h"
 #include "semblance/io/image_io.h"
 
