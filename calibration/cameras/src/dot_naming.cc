@@ -19,8 +19,8 @@ using Eigen::Matrix2Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kFewestNamed = 7;        // by chance six dots fall on points too often
-constexpr double kFewestShare = 0.5;   // of the dots within the points' outline
+constexpr int kFewestNamed = 7;       // by chance six dots fall on points too often
+constexpr double kFewestShare = 0.6;  // of the dots within the points' outline
 constexpr double kReachOfExtent = 0.02, kLeastReach_px = 3.0;
 constexpr int kNeighbours = 10;
 constexpr std::size_t kTriplesAtOnce = 10, kMostTriples = 60;
@@ -33,10 +33,10 @@ std::vector<int> nearest_first(const std::vector<Vector3d>& points, int from) {
   std::vector<std::pair<double, int>> order;
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
     if (i != from) {
-      order.emplace_back((points[static_cast<std::size_t>(i)] -
-                          points[static_cast<std::size_t>(from)])
-                             .squaredNorm(),
-                         i);
+      order.emplace_back(
+          (points[static_cast<std::size_t>(i)] - points[static_cast<std::size_t>(from)])
+              .squaredNorm(),
+          i);
     }
   }
   std::sort(order.begin(), order.end());
@@ -139,10 +139,9 @@ std::optional<Naming> best_of(const std::vector<Naming>& namings) {
   constexpr double other_names = 0.5;
   for (const Naming& rival : namings) {
     best.ambiguous =
-        best.ambiguous ||
-        (rival.named >= kNearlyAsMany * best.named &&
-         rival.rms_px < kNearlyAsGood * best.rms_px + kAlwaysAsGood_px &&
-         difference(rival.point_of_dot, best.point_of_dot) > other_names);
+        best.ambiguous || (rival.named >= kNearlyAsMany * best.named &&
+                           rival.rms_px < kNearlyAsGood * best.rms_px + kAlwaysAsGood_px &&
+                           difference(rival.point_of_dot, best.point_of_dot) > other_names);
   }
   return best;
 }
@@ -315,7 +314,8 @@ class DotNamer::Search {
           const ThreePointPoses poses = three_point_poses({point(a), point(b), point(c)}, rays);
           for (int i = 0; i < poses.count; ++i) {
             const Rigid3& pose = poses.camera_from_object[static_cast<std::size_t>(i)];
-            if (!namer_.faces(a, pose) || !namer_.faces(b, pose) || !namer_.faces(c, pose)) continue;
+            if (!namer_.faces(a, pose) || !namer_.faces(b, pose) || !namer_.faces(c, pose))
+              continue;
             consider(pose, a);
           }
         }
@@ -455,12 +455,11 @@ std::optional<std::string> symmetry_of(const std::vector<Vector3d>& points,
       for (int k = 0; k < size && all; ++k) all = image(turn, k) >= 0;
       if (!all) continue;
       const double angle = Eigen::AngleAxisd(turn).angle() * 180.0 / std::numbers::pi;
-      return fmt::format("turned by {:.0f} degrees, '{}' falls on '{}' and '{}' on '{}', and so all "
-                         "others",
-                         angle, names[static_cast<std::size_t>(first)],
-                         names[static_cast<std::size_t>(i)],
-                         names[static_cast<std::size_t>(second)],
-                         names[static_cast<std::size_t>(j)]);
+      return fmt::format(
+          "turned by {:.0f} degrees, '{}' falls on '{}' and '{}' on '{}', and so all "
+          "others",
+          angle, names[static_cast<std::size_t>(first)], names[static_cast<std::size_t>(i)],
+          names[static_cast<std::size_t>(second)], names[static_cast<std::size_t>(j)]);
     }
   }
   return std::nullopt;

@@ -22,17 +22,17 @@ struct Naming {
 };
 
 /// Names dots by where they are. A pose is sought from three dots beside each other that are taken
-/// for every three points beside each other, and counts by how many dots fall on points (hypothesise
-/// and verify: Fischler and Bolles, "Random sample consensus", CACM 24, 1981, with every sample of
-/// points instead of random ones).
+/// for every three points beside each other, and counts by how many dots fall on points
+/// (hypothesise and verify: Fischler and Bolles, "Random sample consensus", CACM 24, 1981, with
+/// every sample of points instead of random ones).
 class DotNamer {
  public:
   /// Normals out of the object, where known, hide points on its far side.
   DotNamer(std::vector<Eigen::Vector3d> points_m,
            std::vector<std::optional<Eigen::Vector3d>> normals);
 
-  /// Without knowledge of the pose. `focal_known`: otherwise the focal length is sought near that of
-  /// the camera. None where no pose explains most of the dots that it covers.
+  /// Without knowledge of the pose. `focal_known`: otherwise the focal length is sought near that
+  /// of the camera. None where no pose explains most of the dots that it covers.
   std::optional<Naming> search(const Camera& camera, const Eigen::Matrix2Xd& dots_px,
                                bool focal_known) const;
 
@@ -44,7 +44,8 @@ class DotNamer {
   std::optional<Naming> near(const Camera& camera, const Rigid3& camera_from_object,
                              const Eigen::Matrix2Xd& dots_px, double reach_px) const;
 
-  /// Dots by the nearest point within reach; where several points fall on one dot, the one in front.
+  /// Dots by the nearest point within reach; where several points fall on one dot, the one in
+  /// front.
   std::vector<int> assign(const Camera& camera, const Rigid3& camera_from_object,
                           const Eigen::Matrix2Xd& dots_px, double reach_px) const;
 

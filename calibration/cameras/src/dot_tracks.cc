@@ -19,9 +19,9 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 struct Track {
   int id = 0;
-  Dot dot;                             // as last seen
-  Vector2d place = Vector2d::Zero();   // now, seen or expected
-  Vector2d speed = Vector2d::Zero();   // px a picture
+  Dot dot;                            // as last seen
+  Vector2d place = Vector2d::Zero();  // now, seen or expected
+  Vector2d speed = Vector2d::Zero();  // px a picture
   int missed = 0;
 };
 

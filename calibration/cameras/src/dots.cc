@@ -17,32 +17,14 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kQuantisation = 0.29;  // deviation of rounding, grey levels
-constexpr int kLeastSide = 16;          // px
-
-/// Deviation of the noise in grey levels: what is left of the picture when planes are taken out.
-double noise_of(const cv::Mat& grey) {
-  const cv::Matx33f mask(1, -2, 1, -2, 4, -2, 1, -2, 1);
-  constexpr float gain = 6.0f;              // of the mask on independent noise
-  constexpr double normal_median = 0.6745;  // of the absolute value, in deviations
-  cv::Mat rough;
-  cv::filter2D(grey, rough, CV_32F, mask);
-  std::vector<float> values;
-  for (int y = 1; y + 1 < rough.rows; y += 2) {
-    for (int x = 1; x + 1 < rough.cols; x += 2) values.push_back(std::abs(rough.at<float>(y, x)));
-  }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return std::max(*middle / gain / normal_median, kQuantisation);
-}
+constexpr int kLeastSide = 16;  // px
 
 void add_dots(const cv::Mat& grey, bool light, const DotOptions& options, std::vector<Dot>& dots) {
   cv::Mat dark;
   if (light) cv::bitwise_not(grey, dark);
   const cv::Mat& picture = light ? dark : grey;
-  const double noise = noise_of(picture);
   for (const Ellipse& e : find_ellipses(picture)) {
-    const Matrix2d covariance = noise * noise * centre_covariance(picture, e);
+    const Matrix2d covariance = centre_covariance(picture, e);
     const double worst = Eigen::SelfAdjointEigenSolver<Matrix2d>(covariance).eigenvalues()[1];
     if (!(worst <= options.most_sigma_px * options.most_sigma_px)) continue;
     dots.push_back({ours_from_integer_centred(e.centre_px), e.major_px, e.minor_px, e.angle_rad,
@@ -58,12 +40,14 @@ std::vector<Dot> each_once(std::vector<Dot> dots) {
   std::vector<Dot> result;
   for (const Dot& dot : dots) {
     const bool known = std::any_of(result.begin(), result.end(), [&](const Dot& other) {
-      return (other.centre_px - dot.centre_px).norm() < 0.5 * std::max(other.minor_px, dot.minor_px);
+      return (other.centre_px - dot.centre_px).norm() <
+             0.5 * std::max(other.minor_px, dot.minor_px);
     });
     if (!known) result.push_back(dot);
   }
   std::sort(result.begin(), result.end(), [](const Dot& a, const Dot& b) {
-    return std::pair(a.centre_px.y(), a.centre_px.x()) < std::pair(b.centre_px.y(), b.centre_px.x());
+    return std::pair(a.centre_px.y(), a.centre_px.x()) <
+           std::pair(b.centre_px.y(), b.centre_px.x());
   });
   return result;
 }
@@ -82,13 +66,13 @@ struct PlaneEllipse {
 };
 
 PlaneEllipse ellipse_of(const Disc& disc) {
-  // A disc's dual conic is r^2 (I - n n') - c c', projected by dropping nothing: the camera's matrix
-  // is the identity.
+  // A disc's dual conic is r^2 (I - n n') - c c', projected by dropping nothing: the camera's
+  // matrix is the identity.
   const Vector3d& c = disc.centre_m;
   const Vector3d n = disc.normal.normalized();
-  const Eigen::Matrix3d dual = disc.radius_m * disc.radius_m *
-                                   (Eigen::Matrix3d::Identity() - n * n.transpose()) -
-                               c * c.transpose();
+  const Eigen::Matrix3d dual =
+      disc.radius_m * disc.radius_m * (Eigen::Matrix3d::Identity() - n * n.transpose()) -
+      c * c.transpose();
   const Vector2d centre = dual.topRightCorner<2, 1>() / dual(2, 2);
   const Matrix2d shape = centre * centre.transpose() - dual.topLeftCorner<2, 2>() / dual(2, 2);
   const Eigen::SelfAdjointEigenSolver<Matrix2d> solver(shape);
@@ -127,8 +111,7 @@ DiscImage image_of(const Camera& camera, const Disc& disc_camera) {
   Vector2d moment = Vector2d::Zero();
   const auto corner = [&](int k) -> Vector2d {
     const double angle = 2.0 * std::numbers::pi * k / corners;
-    const Vector2d at =
-        ellipse.centre + ellipse.axes * Vector2d(std::cos(angle), std::sin(angle));
+    const Vector2d at = ellipse.centre + ellipse.axes * Vector2d(std::cos(angle), std::sin(angle));
     return project(camera, at.homogeneous()) - middle;
   };
   for (int k = 0; k < corners; ++k) {
@@ -138,7 +121,8 @@ DiscImage image_of(const Camera& camera, const Disc& disc_camera) {
     moment += twice * (a + b) / 6.0;
   }
   const double whole =  // of the ellipse that the polygon is inscribed in
-      std::abs(area) * 2.0 * std::numbers::pi / (corners * std::sin(2.0 * std::numbers::pi / corners));
+      std::abs(area) * 2.0 * std::numbers::pi /
+      (corners * std::sin(2.0 * std::numbers::pi / corners));
   if (area == 0.0) return {middle, 0.0};
   return {middle + moment / area, std::sqrt(whole / std::numbers::pi)};
 }

@@ -16,6 +16,7 @@ using Eigen::Vector2d;
 
 constexpr double kLeastRadius = 2.5;
 constexpr double kLeastAxisRatio = 0.2;
+constexpr double kRounding = 0.29;  // its deviation, grey levels
 
 bool plausible(const Ellipse& e) {
   return std::isfinite(e.major_px) && e.radius_px() >= kLeastRadius &&
@@ -166,12 +167,16 @@ Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined) {
   // Derivative of the normal equations' right side by each pixel's grey level; a pixel belongs to
   // the gradients of its four neighbours.
   std::map<std::pair<int, int>, Vector5d> by_pixel;
+  double squares = 0.0, expected = 0.0;
   const auto add = [&](int x, int y, const Vector5d& value) {
     by_pixel.try_emplace({y, x}, Vector5d::Zero()).first->second += value;
   };
   for (const TouchingLine& touching : lines) {
     const Eigen::Vector3d slope = 2.0 * (conic * touching.line);
     const Vector2d by_gradient = slope.head<2>() - slope[2] * touching.place;
+    const double residual = 0.5 * touching.line.dot(slope);
+    squares += residual * residual;
+    expected += 2.0 * by_gradient.squaredNorm();  // for noise of one grey level
     const Vector5d row = touching.row();
     add(touching.x + 1, touching.y, row * by_gradient.x());
     add(touching.x - 1, touching.y, -row * by_gradient.x());
@@ -181,8 +186,9 @@ Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined) {
   Matrix5d spread = Matrix5d::Zero();
   for (const auto& [pixel, value] : by_pixel) spread += value * value.transpose();
   const Matrix5d inverse = fit.normal.ldlt().solve(Matrix5d::Identity());
+  const double noise2 = std::max(squares / std::max(expected, 1e-12), kRounding * kRounding);
   const double half = refined.major_px / 2.0;  // the centre is half of the dual's last entries
-  return half * half * (inverse * spread * inverse).bottomRightCorner<2, 2>();
+  return noise2 * half * half * (inverse * spread * inverse).bottomRightCorner<2, 2>();
 }
 
 std::vector<Ellipse> find_ellipses(const cv::Mat& grey) {

@@ -26,8 +26,9 @@ std::vector<Ellipse> find_ellipses(const cv::Mat& grey);
 /// ellipse near the start.
 std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start);
 
-/// Covariance of the centre of a refined ellipse, in px^2, for independent noise of one grey level
-/// in every pixel: the noise of the gradients is carried through the fit to first order.
+/// Covariance of the centre of a refined ellipse, px^2: the noise of the grey levels, independent
+/// from pixel to pixel and as large as the residuals of the fit say, is carried through the fit to
+/// first order.
 Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined);
 
 }  // namespace semblance

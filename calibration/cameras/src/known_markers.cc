@@ -43,8 +43,8 @@ class CameraNamer {
         points_m_(points_m),
         options_(options) {
     const MarkerPicture& first = pictures_[static_cast<std::size_t>(own_[0])];
-    camera_ = Camera::centred(first.width, first.height,
-                              options.rough_focal_px.value_or(first.width));
+    camera_ =
+        Camera::centred(first.width, first.height, options.rough_focal_px.value_or(first.width));
     camera_.camera_from_world = {};
   }
 
@@ -106,8 +106,8 @@ class CameraNamer {
     // Of what the seeds say one by one, the middle; together they say it better.
     std::vector<double> focals;
     for (const NamedPicture& seed : seeds) focals.push_back(seed.naming.camera.focal_px.x());
-    std::nth_element(focals.begin(), focals.begin() + static_cast<std::ptrdiff_t>(focals.size() / 2),
-                     focals.end());
+    std::nth_element(focals.begin(),
+                     focals.begin() + static_cast<std::ptrdiff_t>(focals.size() / 2), focals.end());
     camera_.focal_px.setConstant(focals[focals.size() / 2]);
     adjust_focal(seeds);
   }
@@ -125,8 +125,7 @@ class CameraNamer {
       const auto& dots = pictures_[static_cast<std::size_t>(seed.picture)].dots;
       for (std::size_t j = 0; j < dots.size(); ++j) {
         if (seed.naming.point_of_dot[j] < 0) continue;
-        survey.sightings.push_back(
-            {0, placement, seed.naming.point_of_dot[j], dots[j].centre_px});
+        survey.sightings.push_back({0, placement, seed.naming.point_of_dot[j], dots[j].centre_px});
       }
     }
     AdjustmentOptions options;
@@ -314,7 +313,9 @@ class KnownSolver {
       for (int i = 0; i < static_cast<int>(pictures_.size()); ++i) {
         if (pictures_[static_cast<std::size_t>(i)].camera == c) own.push_back(i);
       }
-      if (own.empty()) throw InvalidInput(fmt::format("camera '{}' has no picture", names_[static_cast<std::size_t>(c)]));
+      if (own.empty())
+        throw InvalidInput(
+            fmt::format("camera '{}' has no picture", names_[static_cast<std::size_t>(c)]));
       CameraNamer namer(pictures_, own, namer_, survey_.points_m, options_);
       const std::vector<NamedPicture> found = namer.name(result_.notes);
       named.insert(named.end(), found.begin(), found.end());
@@ -361,8 +362,7 @@ class KnownSolver {
 
   /// With the cameras known well, a smaller reach names more dots, and none wrongly.
   void name_again() {
-    const double reach_px =
-        std::max(kLastReach_px, kReachSigmas * result_.adjustment.sigma_px);
+    const double reach_px = std::max(kLastReach_px, kReachSigmas * result_.adjustment.sigma_px);
     const std::set<int> used(result_.picture_of_sighting.begin(),
                              result_.picture_of_sighting.end());
     survey_ = result_.adjustment.survey;
@@ -381,6 +381,9 @@ class KnownSolver {
   }
 
   void adjust_all() {
+    if (survey_.sightings.size() < static_cast<std::size_t>(kFewestPoints)) {
+      throw SolverError("too few dots keep their names: do the points' places fit the object?");
+    }
     AdjustmentOptions options;
     for (std::size_t c = 0; c < survey_.cameras.size(); ++c) {
       options.cameras.push_back({.aspect = options_.aspect, .principal = options_.principal});
@@ -410,9 +413,9 @@ MarkerCalibration calibrate_known_markers(const std::vector<MarkerPicture>& pict
                                           const MarkerOptions& options) {
   check_sizes(pictures, camera_names);
   if (points.size() < static_cast<std::size_t>(kFewestPoints)) {
-    throw InvalidInput(fmt::format(
-        "{} points are known; {} or more are needed, not all in a plane or regular", points.size(),
-        kFewestPoints));
+    throw InvalidInput(
+        fmt::format("{} points are known; {} or more are needed, not all in a plane or regular",
+                    points.size(), kFewestPoints));
   }
   std::vector<Vector3d> positions;
   std::vector<std::string> names;

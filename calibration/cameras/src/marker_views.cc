@@ -25,8 +25,8 @@ struct SeenFace {
   const Dot* dot = nullptr;
 };
 
-/// One view of a face: its flattened disc, r^2 (I - n n'), seen across the ray. `across` has the two
-/// directions, `shape` what the ellipse says of the disc in them, in square metres.
+/// One view of a face: its flattened disc, r^2 (I - n n'), seen across the ray. `across` has the
+/// two directions, `shape` what the ellipse says of the disc in them, in square metres.
 struct FaceView {
   Eigen::Matrix<double, 2, 3> across;
   Matrix2d shape;
@@ -60,8 +60,8 @@ FaceView face_view(const Vector3d& centre_m, const SeenFace& seen) {
 /// The two normals that one ellipse says, towards the camera.
 std::array<Vector3d, 2> normals_of(const FaceView& view) {
   const Eigen::SelfAdjointEigenSolver<Matrix2d> solver(view.shape);
-  const double cosine = std::sqrt(std::clamp(
-      solver.eigenvalues()[0] / solver.eigenvalues()[1], 0.0, 1.0));
+  const double cosine =
+      std::sqrt(std::clamp(solver.eigenvalues()[0] / solver.eigenvalues()[1], 0.0, 1.0));
   const double sine = std::sqrt(1.0 - cosine * cosine);
   const Vector3d minor = view.across.transpose() * solver.eigenvectors().col(0);
   return {cosine * view.towards + sine * minor, cosine * view.towards - sine * minor};
@@ -100,8 +100,7 @@ FittedFace fit_face(const Vector3d& start, double start_radius,
     jacobian.col(2) = (misfit(normal, radius * (1.0 + h), views) - now) / h;
     const Vector3d step = jacobian.colPivHouseholderQr().solve(-now);
     if (!step.allFinite() || step.head<2>().norm() > 0.5 || std::abs(step[2]) > 0.5) break;
-    const DotFace next{(normal + step[0] * a + step[1] * b).normalized(),
-                       radius * (1.0 + step[2])};
+    const DotFace next{(normal + step[0] * a + step[1] * b).normalized(), radius * (1.0 + step[2])};
     const double cost = misfit(next.normal, next.radius_m, views).squaredNorm();
     if (!(cost < best.cost)) break;
     best = {next, cost};
@@ -118,20 +117,19 @@ std::optional<DotFace> face_from_views(const Vector3d& centre_m,
   for (const SeenFace& one : seen) views.push_back(face_view(centre_m, one));
   std::vector<FittedFace> fits;
   for (std::size_t i = 0; i < views.size(); i += 1 + views.size() / most_starts) {
-    const double radius = std::sqrt(
-        Eigen::SelfAdjointEigenSolver<Matrix2d>(views[i].shape).eigenvalues()[1]);
+    const double radius =
+        std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix2d>(views[i].shape).eigenvalues()[1]);
     if (!(radius > 0.0)) continue;
     for (const Vector3d& normal : normals_of(views[i])) {
       fits.push_back(fit_face(normal, radius, views));
     }
   }
   if (fits.empty()) return std::nullopt;
-  const FittedFace best = *std::min_element(
-      fits.begin(), fits.end(),
-      [](const FittedFace& a, const FittedFace& b) { return a.cost < b.cost; });
+  const FittedFace best =
+      *std::min_element(fits.begin(), fits.end(),
+                        [](const FittedFace& a, const FittedFace& b) { return a.cost < b.cost; });
   for (const FittedFace& rival : fits) {
-    if (rival.face.normal.dot(best.face.normal) < alike &&
-        rival.cost < clearly_worse * best.cost) {
+    if (rival.face.normal.dot(best.face.normal) < alike && rival.cost < clearly_worse * best.cost) {
       return std::nullopt;
     }
   }
@@ -165,8 +163,7 @@ void correct_for_perspective(Survey& survey, const std::vector<Vector2d>& measur
     const Rigid3 camera_from_object =
         camera.camera_from_world *
         survey.world_from_target[static_cast<std::size_t>(sighting.placement)];
-    const Disc disc{camera_from_object *
-                        survey.points_m[static_cast<std::size_t>(sighting.point)],
+    const Disc disc{camera_from_object * survey.points_m[static_cast<std::size_t>(sighting.point)],
                     camera_from_object.rotation * face->normal, face->radius_m};
     if (disc.centre_m.z() > disc.radius_m) sighting.pixel_px -= centre_offset_px(camera, disc);
   }
@@ -183,7 +180,8 @@ std::vector<std::optional<DotFace>> faces_from_views(const Adjustment& adjustmen
     const Rigid3 camera_from_object =
         camera.camera_from_world *
         survey.world_from_target[static_cast<std::size_t>(sighting.placement)];
-    seen[static_cast<std::size_t>(sighting.point)].push_back({&camera, camera_from_object, dots[i]});
+    seen[static_cast<std::size_t>(sighting.point)].push_back(
+        {&camera, camera_from_object, dots[i]});
   }
   std::vector<std::optional<DotFace>> faces;
   for (std::size_t k = 0; k < seen.size(); ++k) {

@@ -24,7 +24,7 @@ constexpr int kFewestTracks = 8;    // that two pictures share
 constexpr int kStartPictures = 12;  // that the start is sought in
 constexpr int kMostPictures = 40;   // in the adjustment
 constexpr int kFewestViews = 3;     // of a dot
-constexpr std::size_t kMostPairs = 6;
+constexpr std::size_t kMostPairs = 6, kFewestSightings = 24;
 constexpr double kGood_px = 1.0, kRansac_px = 1.5, kPose_px = 4.0;
 constexpr double kLeastAngle = 0.03;  // rad, between rays that place a dot
 constexpr int kCorrections = 2;
@@ -143,8 +143,9 @@ class UnknownSolver {
         const std::vector<int> common = common_tracks(first, second);
         most = std::max(most, common.size());
         if (common.size() < kFewestTracks) continue;
-        pairs.push_back({a, b, parallax_px(first, second, common) *
-                                   std::sqrt(static_cast<double>(common.size()))});
+        pairs.push_back(
+            {a, b,
+             parallax_px(first, second, common) * std::sqrt(static_cast<double>(common.size()))});
       }
     }
     if (pairs.empty()) report_lost(most);
@@ -159,15 +160,17 @@ class UnknownSolver {
     for (const MarkerPicture& picture : pictures_) dots = std::max(dots, picture.dots.size());
     if (dots == 0) {
       throw SolverError(
-          "no round dots were found in any picture; dots need 5 px across and a ground that differs "
+          "no round dots were found in any picture; dots need 5 px across and a ground that "
+          "differs "
           "in lightness or colour");
     }
     if (dots < static_cast<std::size_t>(kFewestTracks)) {
-      throw SolverError(fmt::format("the pictures show {} dots at most; {} are needed", dots,
-                                    kFewestTracks));
+      throw SolverError(
+          fmt::format("the pictures show {} dots at most; {} are needed", dots, kFewestTracks));
     }
     throw SolverError(fmt::format(
-        "of up to {} dots only {} could be followed from one picture to another that is well apart; "
+        "of up to {} dots only {} could be followed from one picture to another that is well "
+        "apart; "
         "{} are needed. Give a video, or pictures in order with less motion between them",
         dots, most, kFewestTracks));
   }
@@ -204,10 +207,11 @@ class UnknownSolver {
     for (const View& view : views_) all += static_cast<int>(view.dot_of_track.size());
     constexpr double fewest_share = 0.4;
     if (most_good < fewest_share * all || best.points.size() < kFewestTracks) {
-      throw SolverError(fmt::format(
-          "the dots do not move as one rigid body seen by one camera (at most {} of {} sightings fit "
-          "within a pixel): is the object rigid, does it turn, and is the zoom fixed?",
-          most_good, all));
+      throw SolverError(
+          fmt::format("the dots do not move as one rigid body seen by one camera (at most {} of {} "
+                      "sightings fit "
+                      "within a pixel): is the object rigid, does it turn, and is the zoom fixed?",
+                      most_good, all));
     }
     return best;
   }
@@ -254,8 +258,7 @@ class UnknownSolver {
       if (view.dot_of_track.count(track) == 0) continue;
       const Rigid3 object_from_camera = pose.inverse();
       centres.push_back(object_from_camera.translation_m);
-      rays.push_back((object_from_camera.rotation *
-                      unproject(shape.camera, pixel_of(view, track)))
+      rays.push_back((object_from_camera.rotation * unproject(shape.camera, pixel_of(view, track)))
                          .normalized());
     }
     if (rays.size() < 2) return std::nullopt;
@@ -271,8 +274,7 @@ class UnknownSolver {
       Matrix3d normal = Matrix3d::Zero();
       Vector3d right = Vector3d::Zero();
       for (std::size_t i = 0; i < rays.size(); ++i) {
-        const Matrix3d across =
-            weights[i] * (Matrix3d::Identity() - rays[i] * rays[i].transpose());
+        const Matrix3d across = weights[i] * (Matrix3d::Identity() - rays[i] * rays[i].transpose());
         normal += across;
         right += across * centres[i];
       }
@@ -290,8 +292,7 @@ class UnknownSolver {
   double error_px(const Reconstruction& shape, int index, int track, const Vector3d& point) const {
     const Vector3d seen = shape.camera_from_object.at(index) * point;
     if (!(seen.z() > 0.0)) return std::numeric_limits<double>::infinity();
-    return (project(shape.camera, seen) -
-            pixel_of(views_[static_cast<std::size_t>(index)], track))
+    return (project(shape.camera, seen) - pixel_of(views_[static_cast<std::size_t>(index)], track))
         .norm();
   }
 
@@ -330,9 +331,9 @@ class UnknownSolver {
     std::vector<int> inliers;
     const auto reach = static_cast<float>(kPose_px / shape.camera.focal_px.x());
     constexpr double confidence = 0.999;
-    const bool found = cv::solvePnPRansac(points, directions, cv::Matx33d::eye(), cv::noArray(),
-                                          turn, shift, false, rounds, reach, confidence, inliers,
-                                          cv::SOLVEPNP_SQPNP);
+    const bool found =
+        cv::solvePnPRansac(points, directions, cv::Matx33d::eye(), cv::noArray(), turn, shift,
+                           false, rounds, reach, confidence, inliers, cv::SOLVEPNP_SQPNP);
     if (!found || 2 * inliers.size() < points.size()) return std::nullopt;
     Vector3d rotation, translation;
     cv::cv2eigen(turn, rotation);
@@ -410,6 +411,9 @@ class UnknownSolver {
   /// After the joint adjustment; points that few sightings support, and views, are left out.
   Reconstruction adjusted(const Reconstruction& shape, Lens lens) const {
     ShapeSurvey start = survey_of(shape);
+    if (start.survey.sightings.size() < kFewestSightings) {
+      throw SolverError("too few dots could be placed: the pictures differ too little or too much");
+    }
     start.survey.cameras[0].lens = lens;
     PhotoOptions photo;
     photo.lens = lens;
@@ -497,8 +501,8 @@ class UnknownSolver {
       const auto found = view.dot_of_track.find(track);
       if (found == view.dot_of_track.end()) continue;
       const double distance = (pose * shape.points.at(track)).z();
-      radius = std::max(radius,
-                        dot_at(view, found->second).major_px * distance / shape.camera.focal_px.x());
+      radius = std::max(
+          radius, dot_at(view, found->second).major_px * distance / shape.camera.focal_px.x());
     }
     return radius;
   }
@@ -545,8 +549,7 @@ class UnknownSolver {
   std::vector<std::string> name_points(const ShapeSurvey& start) const {
     std::vector<std::string> names;
     // Tracks are numbered in that order.
-    const std::size_t digits =
-        std::max<std::size_t>(2, std::to_string(start.tracks.size()).size());
+    const std::size_t digits = std::max<std::size_t>(2, std::to_string(start.tracks.size()).size());
     for (std::size_t i = 0; i < start.tracks.size(); ++i) {
       names.push_back(fmt::format("d{:0{}}", i + 1, digits));
     }
@@ -628,7 +631,8 @@ MarkerCalibration calibrate_unknown_markers(const std::vector<MarkerPicture>& pi
   for (const MarkerPicture& picture : pictures) {
     if (picture.camera == 0) continue;
     throw InvalidInput(
-        "dots at unknown places are for one camera: calibrate one first, and give its points to all "
+        "dots at unknown places are for one camera: calibrate one first, and give its points to "
+        "all "
         "cameras with --points");
   }
   check_sizes(pictures, {camera_name});

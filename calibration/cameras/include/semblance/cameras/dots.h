@@ -33,8 +33,8 @@ struct Dot {
 /// levels and in each of its colours; of what is found twice the more certain one stays. Ellipses
 /// are fitted to the gradients at the outline (Ouellet and Hebert, "Precise ellipse estimation
 /// without contour point extraction", Machine Vision and Applications 21, 2009). The covariance is
-/// that of the picture's noise (Immerkaer, "Fast noise variance estimation", CVIU 64, 1996, by the
-/// median) carried through the fit; it knows nothing of reflections or dots that are not round.
+/// that of the noise around the outline, as the residuals of the fit say, carried through the fit; it
+/// knows nothing of dots that are not round.
 std::vector<Dot> find_dots(const Rgb8& image, const DotOptions& options = {});
 
 /// A flat round dot in space.
