@@ -49,6 +49,7 @@ class Page {
     cards();
     warnings();
     for (std::size_t i = 0; i < verdict_.cameras.size(); ++i) camera(i);
+    drawn_pictures();
     pictures();
     how_to_read();
     out_ +=
@@ -165,6 +166,17 @@ class Page {
       text += fmt::format("<span><i style=\"background:{}\"></i>{}</span>", kColours[i], label);
     }
     return text + "</div>\n";
+  }
+
+  void drawn_pictures() {
+    if (report_.pictures.empty()) return;
+    out_ += "<h2>What was found</h2>\n<div class=\"pair\">\n";
+    for (const ReportPicture& picture : report_.pictures) {
+      out_ += fmt::format(
+          "<div>{}<p class=\"note\">{}</p></div>\n", picture.svg,
+          escape_html(std::filesystem::path(picture.caption).filename().string()));
+    }
+    out_ += "</div>\n";
   }
 
   void pictures() {

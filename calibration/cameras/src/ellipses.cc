@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
@@ -15,6 +16,7 @@ using Eigen::Vector2d;
 
 constexpr double kLeastRadius = 2.5;
 constexpr double kLeastAxisRatio = 0.2;
+constexpr double kRounding = 0.29;  // its deviation, grey levels
 
 bool plausible(const Ellipse& e) {
   return std::isfinite(e.major_px) && e.radius_px() >= kLeastRadius &&
@@ -68,11 +70,28 @@ std::optional<Ellipse> ellipse_of_dual(const Eigen::Matrix<double, 5, 1>& dual) 
                  std::atan2(axis.y(), axis.x())};
 }
 
-}  // namespace
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
 
-double Ellipse::radius_px() const { return std::sqrt(major_px * minor_px); }
+/// The line through a pixel across its gradient, n . d + w = 0, with d from the start's centre in
+/// parts of its major axis: it touches the ellipse.
+struct TouchingLine {
+  int x = 0, y = 0;
+  Vector2d place;        // d of the pixel
+  Eigen::Vector3d line;  // n (the gradient) and w
 
-std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start) {
+  /// The row of the linear equation row . dual = -w^2 for the dual conic.
+  Vector5d row() const {
+    const double a = line[0], b = line[1], w = line[2];
+    Vector5d result;
+    result << a * a, a * b, b * b, a * w, b * w;
+    return result;
+  }
+};
+
+/// Lines of the pixels around an outline whose gradient points outwards: a dot is darker than its
+/// ground.
+std::vector<TouchingLine> touching_lines(const cv::Mat& grey, const Ellipse& start) {
   const double reach = std::max(1.35 * start.major_px, start.major_px + 2.0);
   const auto clipped = [](double value, int size) {
     return std::clamp(static_cast<int>(std::lround(value)), 1, size - 1);
@@ -84,9 +103,8 @@ std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start)
   const double c = std::cos(start.angle_rad), s = std::sin(start.angle_rad);
   const double inner = std::max(0.0, std::min(0.65, 1.0 - 2.0 / start.minor_px));
   const double outer = std::max(1.35, 1.0 + 2.0 / start.minor_px);
-  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
-  Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
   const double scale = start.major_px;
+  std::vector<TouchingLine> lines;
   for (int y = y0; y < y1; ++y) {
     const auto* above = grey.ptr<std::uint8_t>(y - 1);
     const auto* here = grey.ptr<std::uint8_t>(y);
@@ -96,18 +114,39 @@ std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start)
       const double r = std::hypot((c * d.x() + s * d.y()) * scale / start.major_px,
                                   (c * d.y() - s * d.x()) * scale / start.minor_px);
       if (r < inner || r > outer) continue;
-      // The line through the pixel across its gradient: a x + b y + w = 0.
-      const double a = here[x + 1] - here[x - 1], b = below[x] - above[x];
-      if (a * d.x() + b * d.y() <= 0.0) continue;  // a dot is darker than its ground
-      const double w = -(a * d.x() + b * d.y());
-      Eigen::Matrix<double, 5, 1> row;
-      row << a * a, a * b, b * b, a * w, b * w;
-      normal += row * row.transpose();
-      right -= row * (w * w);
+      const Vector2d gradient(here[x + 1] - here[x - 1], below[x] - above[x]);
+      const double w = -gradient.dot(d);
+      if (w < 0.0) lines.push_back({x, y, d, {gradient.x(), gradient.y(), w}});
     }
   }
-  const auto fit = ellipse_of_dual(normal.ldlt().solve(right));
+  return lines;
+}
+
+struct DualFit {
+  Matrix5d normal = Matrix5d::Zero();
+  Vector5d dual = Vector5d::Zero();
+};
+
+DualFit fit_dual(const std::vector<TouchingLine>& lines) {
+  DualFit fit;
+  Vector5d right = Vector5d::Zero();
+  for (const TouchingLine& touching : lines) {
+    const Vector5d row = touching.row();
+    fit.normal += row * row.transpose();
+    right -= row * (touching.line[2] * touching.line[2]);
+  }
+  fit.dual = fit.normal.ldlt().solve(right);
+  return fit;
+}
+
+}  // namespace
+
+double Ellipse::radius_px() const { return std::sqrt(major_px * minor_px); }
+
+std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start) {
+  const auto fit = ellipse_of_dual(fit_dual(touching_lines(grey, start)).dual);
   if (!fit) return std::nullopt;
+  const double scale = start.major_px;
   Ellipse result = *fit;
   result.centre_px = start.centre_px + scale * fit->centre_px;
   result.major_px *= scale;
@@ -118,6 +157,40 @@ std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start)
   return result;
 }
 
+Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined) {
+  const std::vector<TouchingLine> lines = touching_lines(grey, refined);
+  const DualFit fit = fit_dual(lines);
+  Eigen::Matrix3d conic;
+  conic << fit.dual[0], fit.dual[1] / 2.0, fit.dual[3] / 2.0,  //
+      fit.dual[1] / 2.0, fit.dual[2], fit.dual[4] / 2.0,       //
+      fit.dual[3] / 2.0, fit.dual[4] / 2.0, 1.0;
+  // Derivative of the normal equations' right side by each pixel's grey level; a pixel belongs to
+  // the gradients of its four neighbours.
+  std::map<std::pair<int, int>, Vector5d> by_pixel;
+  double squares = 0.0, expected = 0.0;
+  const auto add = [&](int x, int y, const Vector5d& value) {
+    by_pixel.try_emplace({y, x}, Vector5d::Zero()).first->second += value;
+  };
+  for (const TouchingLine& touching : lines) {
+    const Eigen::Vector3d slope = 2.0 * (conic * touching.line);
+    const Vector2d by_gradient = slope.head<2>() - slope[2] * touching.place;
+    const double residual = 0.5 * touching.line.dot(slope);
+    squares += residual * residual;
+    expected += 2.0 * by_gradient.squaredNorm();  // for noise of one grey level
+    const Vector5d row = touching.row();
+    add(touching.x + 1, touching.y, row * by_gradient.x());
+    add(touching.x - 1, touching.y, -row * by_gradient.x());
+    add(touching.x, touching.y + 1, row * by_gradient.y());
+    add(touching.x, touching.y - 1, -row * by_gradient.y());
+  }
+  Matrix5d spread = Matrix5d::Zero();
+  for (const auto& [pixel, value] : by_pixel) spread += value * value.transpose();
+  const Matrix5d inverse = fit.normal.ldlt().solve(Matrix5d::Identity());
+  const double noise2 = std::max(squares / std::max(expected, 1e-12), kRounding * kRounding);
+  const double half = refined.major_px / 2.0;  // the centre is half of the dual's last entries
+  return noise2 * half * half * (inverse * spread * inverse).bottomRightCorner<2, 2>();
+}
+
 std::vector<Ellipse> find_ellipses(const cv::Mat& grey) {
   std::vector<Ellipse> found;
   const int longest = std::max(grey.cols, grey.rows);
@@ -126,9 +199,12 @@ std::vector<Ellipse> find_ellipses(const cv::Mat& grey) {
     cv::adaptiveThreshold(grey, dark, 255, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV,
                           std::max(11, (longest / share) | 1), 10);
     std::vector<std::vector<cv::Point>> contours;
-    cv::findContours(dark, contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
-    for (const auto& contour : contours) {
-      const auto rough = ellipse_of(contour, grey.size());
+    // Components at any depth: a dark ground that surrounds a light object must not hide its dots.
+    std::vector<cv::Vec4i> tree;
+    cv::findContours(dark, contours, tree, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
+    for (std::size_t i = 0; i < contours.size(); ++i) {
+      if (tree[i][3] >= 0) continue;  // a hole
+      const auto rough = ellipse_of(contours[i], grey.size());
       if (!rough) continue;
       const bool known = std::any_of(found.begin(), found.end(), [&](const Ellipse& e) {
         return (e.centre_px - rough->centre_px).norm() < 0.5 * e.minor_px;

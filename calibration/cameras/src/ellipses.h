@@ -1,5 +1,5 @@
-// Ellipses of a picture: dark round dots on light ground. Places have the first pixel's centre at
-// (0, 0).
+// Ellipses of a picture: dark round dots on light ground (`find_dots` turns the picture's lightness
+// round for light ones). Places have the first pixel's centre at (0, 0).
 #pragma once
 
 #include <Eigen/Core>
@@ -25,5 +25,10 @@ std::vector<Ellipse> find_ellipses(const cv::Mat& grey);
 /// gradient says a line that the ellipse touches, so blur does not shift it. None where that is no
 /// ellipse near the start.
 std::optional<Ellipse> refine_ellipse(const cv::Mat& grey, const Ellipse& start);
+
+/// Covariance of the centre of a refined ellipse, px^2: the noise of the grey levels, independent
+/// from pixel to pixel and as large as the residuals of the fit say, is carried through the fit to
+/// first order.
+Eigen::Matrix2d centre_covariance(const cv::Mat& grey, const Ellipse& refined);
 
 }  // namespace semblance

@@ -45,15 +45,6 @@ void check_mirrored(const SheetPictures& pictures) {
   }
 }
 
-// Even steps through the longest of the videos.
-int stride_for(const std::vector<std::string>& files, int most_frames) {
-  int longest = 0;
-  for (const std::string& file : files) {
-    if (!is_still(file)) longest = std::max(longest, VideoSource(file).info().frame_count);
-  }
-  return most_frames > 0 ? std::max(1, (longest + most_frames - 1) / most_frames) : 1;
-}
-
 }  // namespace
 
 std::string PictureName::text() const {
@@ -73,6 +64,14 @@ void for_each_picture(const std::vector<std::string>& files, int stride,
       if (picture.name.frame % stride == 0 && !use(picture)) return;
     }
   }
+}
+
+int even_stride(const std::vector<std::string>& files, int most_frames) {
+  int longest = 0;
+  for (const std::string& file : files) {
+    if (!is_still(file)) longest = std::max(longest, VideoSource(file).info().frame_count);
+  }
+  return most_frames > 0 ? std::max(1, (longest + most_frames - 1) / most_frames) : 1;
 }
 
 Target identify_target_in(const std::vector<std::string>& files, const Target& automatic) {
@@ -106,7 +105,7 @@ SheetPictures find_sheet(const std::vector<std::string>& files, const Target& ta
   }
   Detector detector(result.target);
   progress.begin("looking for the sheet", 0);
-  for_each_picture(files, stride_for(files, most_frames), [&](const Picture& picture) {
+  for_each_picture(files, even_stride(files, most_frames), [&](const Picture& picture) {
     const auto start = std::chrono::steady_clock::now();
     result.detections.push_back(detector.detect(picture.image));
     result.detect_s +=

@@ -139,7 +139,7 @@ Solved solve_by_colmap(const PhotosOptions& options, Progress& progress) {
 }
 
 // Cameras named after their photos.
-std::vector<std::string> camera_names(const std::vector<std::string>& photos) {
+std::vector<std::string> names_of_photos(const std::vector<std::string>& photos) {
   std::vector<std::string> names;
   std::set<std::string> used;
   for (const std::string& photo : photos) {
@@ -154,7 +154,7 @@ std::vector<std::string> camera_names(const std::vector<std::string>& photos) {
 Scene scene_of(const Solved& solved, const std::optional<MarksFile>& marks) {
   Scene scene;
   const Survey& survey = solved.calibration.survey;
-  scene.cameras = cameras_of_photos(survey, camera_names(solved.photos));
+  scene.cameras = cameras_of_photos(survey, names_of_photos(solved.photos));
   if (!solved.point_names.empty()) {
     for (const int point : points_with_sightings(survey)) {
       const auto at = static_cast<std::size_t>(point);

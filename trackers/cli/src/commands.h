@@ -29,6 +29,7 @@ void add_calibrate_board_command(CLI::App& calibrate, Context& context);
 void add_calibrate_rig_command(CLI::App& calibrate, Context& context);
 void add_calibrate_photos_command(CLI::App& calibrate, Context& context);
 void add_calibrate_judge_command(CLI::App& calibrate, Context& context);
+void add_calibrate_markers_command(CLI::App& calibrate, Context& context);
 
 /// A wrong name of a calibration sheet is wrong usage.
 CLI::Validator sheet_name();

@@ -34,7 +34,7 @@ void check_distances(const SheetOptions& options, const Target& target,
 /// Names of cameras: as given, or from those of their files. Throws InvalidInput where two are
 /// alike.
 std::vector<std::string> camera_names(const std::vector<std::string>& files,
-                                      const std::vector<std::string>& given);
+                                      const std::vector<std::string>& given = {});
 
 /// The cameras of several files, in any format of `convert`. Throws InvalidInput where two have the
 /// same name.

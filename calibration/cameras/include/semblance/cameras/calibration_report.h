@@ -8,11 +8,17 @@
 
 namespace semblance {
 
+/// A picture with what was found in it drawn over it.
+struct ReportPicture {
+  std::string caption, svg;
+};
+
 struct CalibrationReport {
   std::string title, target;                // what was calibrated; the sheet as `target_text`
   std::vector<std::string> sighting_names;  // per sighting of the survey: its picture
   double detect_s = 0.0;
   std::vector<std::string> notes;  // what the detection warned of
+  std::vector<ReportPicture> pictures;
 };
 
 /// The picture of one camera's projection uncertainty as SVG: the deviation of each cell in

@@ -29,6 +29,9 @@ struct Picture {
 void for_each_picture(const std::vector<std::string>& files, int stride,
                       const std::function<bool(const Picture&)>& use);
 
+/// The stride at which the longest of the videos has at most so many pictures; 1 for 0.
+int even_stride(const std::vector<std::string>& files, int most_frames);
+
 /// `identify_target` on the first pictures that show a sheet of a known kind.
 Target identify_target_in(const std::vector<std::string>& files, const Target& automatic);
 
