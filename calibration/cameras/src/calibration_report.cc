@@ -172,9 +172,8 @@ class Page {
     if (report_.pictures.empty()) return;
     out_ += "<h2>What was found</h2>\n<div class=\"pair\">\n";
     for (const ReportPicture& picture : report_.pictures) {
-      out_ += fmt::format(
-          "<div>{}<p class=\"note\">{}</p></div>\n", picture.svg,
-          escape_html(std::filesystem::path(picture.caption).filename().string()));
+      out_ += fmt::format("<div>{}<p class=\"note\">{}</p></div>\n", picture.svg,
+                          escape_html(std::filesystem::path(picture.caption).filename().string()));
     }
     out_ += "</div>\n";
   }
