@@ -134,8 +134,7 @@ void add_calibrate_commands(CLI::App& app, Context& context) {
   calibrate->require_subcommand(1);
   add_detect(*calibrate, context);
   add_print(*calibrate, context);
-  add_calibrate_board_command(*calibrate, context);
-  add_calibrate_rig_command(*calibrate, context);
+  add_calibrate_sheet_commands(*calibrate, context);
   add_calibrate_convert_command(*calibrate, context);
 }
 

@@ -25,8 +25,8 @@ void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
 void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
-void add_calibrate_board_command(CLI::App& calibrate, Context& context);
-void add_calibrate_rig_command(CLI::App& calibrate, Context& context);
+/// `calibrate board` and `calibrate rig`.
+void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context);
 
 /// A wrong name of a calibration sheet is wrong usage.
 CLI::Validator sheet_name();

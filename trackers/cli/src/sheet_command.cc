@@ -216,4 +216,9 @@ void add_sheet_options(CLI::App& command, SheetOptions& options) {
                    "Plain least squares: every point counts");
 }
 
+void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context) {
+  add_calibrate_board_command(calibrate, context);
+  add_calibrate_rig_command(calibrate, context);
+}
+
 }  // namespace semblance::cli

@@ -44,4 +44,7 @@ Verdict finish_calibration(const SheetOptions& options, const Adjustment& adjust
 void add_warnings(const Verdict& verdict, const CalibrationReport& report,
                   nlohmann::ordered_json& summary);
 
+void add_calibrate_board_command(CLI::App& calibrate, Context& context);
+void add_calibrate_rig_command(CLI::App& calibrate, Context& context);
+
 }  // namespace semblance::cli
