@@ -63,7 +63,9 @@ TEST(PictureSize, TheCalibrationFollowsVideosWithThinBars) {
     const Camera found = camera_for_pictures(camera, frame, camera.name, notes);
     const bool has_bars = frame.width == 1080;
     EXPECT_EQ(notes.size(), has_bars ? 1u : 0u) << camera.name;
-    if (has_bars) EXPECT_THAT(notes[0], ::testing::HasSubstr("black bars"));
+    if (has_bars) {
+      EXPECT_THAT(notes[0], ::testing::HasSubstr("black bars"));
+    }
     const cv::Mat still = grey_of(
         read_image_rgb8((folder / "calibration/extrinsics" / (camera.name + "_ext.png")).string()));
     const std::vector<double> distances = distances_px(camera, found, still, grey_of(frame));
@@ -73,7 +75,9 @@ TEST(PictureSize, TheCalibrationFollowsVideosWithThinBars) {
     Camera unchanged = camera;
     unchanged.width = frame.width;
     const std::vector<double> wrong = distances_px(camera, unchanged, still, grey_of(frame));
-    if (has_bars) EXPECT_GT(wrong[wrong.size() / 2], 2.0) << camera.name;
+    if (has_bars) {
+      EXPECT_GT(wrong[wrong.size() / 2], 2.0) << camera.name;
+    }
   }
 }
 

@@ -1,10 +1,15 @@
 #include "semblance/io/video.h"
 
+extern "C" {
+#include <libavformat/avformat.h>
+#include <libavutil/display.h>
+}
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
 
@@ -34,6 +39,27 @@ class Reader {
   virtual bool skip() = 0;
 };
 
+struct CloseInput {
+  void operator()(AVFormatContext* input) const { avformat_close_input(&input); }
+};
+
+/// Quarter turns clockwise that show a recording upright, 0 to 3, as its display matrix says.
+/// OpenCV 4.6 turns the wrong way (its issue 22088).
+int quarter_turns(const std::string& path) {
+  AVFormatContext* opened = nullptr;
+  if (avformat_open_input(&opened, path.c_str(), nullptr, nullptr) < 0) return 0;
+  const std::unique_ptr<AVFormatContext, CloseInput> input(opened);
+  const int video = av_find_best_stream(opened, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  if (video < 0) return 0;
+  const std::uint8_t* matrix =
+      av_stream_get_side_data(opened->streams[video], AV_PKT_DATA_DISPLAYMATRIX, nullptr);
+  if (matrix == nullptr) return 0;
+  const double degrees = av_display_rotation_get(reinterpret_cast<const std::int32_t*>(matrix));
+  if (!std::isfinite(degrees)) return 0;
+  const int turns = static_cast<int>(std::lround(-degrees / 90.0)) % 4;
+  return (turns + 4) % 4;
+}
+
 class FileReader : public Reader {
  public:
   FileReader(const std::string& path, VideoInfo& info) : path_(path) {
@@ -48,6 +74,8 @@ class FileReader : public Reader {
                          ": is not a video that can be decoded; an .mp4, .avi, .mkv or "
                          ".webm file, or a folder of PNG or JPEG images, was expected");
     }
+    capture_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0.0);
+    turns_ = quarter_turns(path);
     info.width = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_WIDTH));
     info.height = static_cast<int>(capture_.get(cv::CAP_PROP_FRAME_HEIGHT));
     const double rate = capture_.get(cv::CAP_PROP_FPS);
@@ -63,7 +91,12 @@ class FileReader : public Reader {
     if (!capture_.retrieve(bgr_) || bgr_.empty() || bgr_.type() != CV_8UC3) {
       throw InvalidInput(fmt::format("{}: frame {} cannot be decoded", path_, position_ - 1));
     }
-    rgb8_from_bgr(bgr_, frame);
+    if (turns_ > 0) {
+      constexpr cv::RotateFlags flags[] = {cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180,
+                                           cv::ROTATE_90_COUNTERCLOCKWISE};
+      cv::rotate(bgr_, upright_, flags[turns_ - 1]);
+    }
+    rgb8_from_bgr(turns_ > 0 ? upright_ : bgr_, frame);
     return true;
   }
 
@@ -98,7 +131,8 @@ class FileReader : public Reader {
   std::string path_;
   const VideoInfo* info_ = nullptr;
   cv::VideoCapture capture_;
-  cv::Mat bgr_;
+  cv::Mat bgr_, upright_;
+  int turns_ = 0;  // quarter turns clockwise that put a frame upright
   int position_ = 0;
   double last_time_s_ = 0.0;
 };

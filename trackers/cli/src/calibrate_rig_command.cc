@@ -118,20 +118,24 @@ void note_pictures_that_do_not_fit(const RigCalibration& found, std::vector<std:
   }
 }
 
-// A camera that fits its own pictures well, and the rig badly.
+// Cameras that fit their own pictures well, and the rig badly.
 void note_cameras_that_disagree(const RigCalibration& found, const RigCommandOptions& options,
                                 std::vector<std::string>& notes) {
   constexpr double much_worse = 2.0;
+  std::vector<std::string> worse;
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const RigCameraFit& fit = found.fits[c];
     if (!fit.alone_px || fit.rms_px <= much_worse * *fit.alone_px) continue;
-    notes.push_back(fmt::format(
-        "{}: {:.2f} px in the rig, {:.2f} px by itself: the cameras disagree about the sheet's "
-        "place, and lenses found in the rig suffer. Pictures of one number may be of different "
-        "times{}; calibrate lenses with `board` and keep them",
-        found.cameras[c].name, fit.rms_px, *fit.alone_px,
-        options.time_offsets ? "" : " (--time-offsets finds what is constant)"));
+    worse.push_back(fmt::format("{} fits {:.2f} px in the rig, {:.2f} px by itself",
+                                found.cameras[c].name, fit.rms_px, *fit.alone_px));
   }
+  if (worse.empty()) return;
+  notes.push_back(fmt::format(
+      "{}: the cameras disagree about the sheet's place, and lenses found in the rig suffer. "
+      "Pictures of one number may be of different times{}; calibrate lenses with `board` and keep "
+      "them",
+      fmt::join(worse, ", "),
+      options.time_offsets ? "" : " (--time-offsets finds what is constant)"));
 }
 
 void add_time_offset(const RigCalibration& found, std::size_t camera, Json& summary) {
