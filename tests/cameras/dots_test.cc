@@ -10,8 +10,8 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using testing::DottedObject;
 using testing::DotPaint;
+using testing::DottedObject;
 using testing::paint_dots;
 
 Camera plain_camera() {

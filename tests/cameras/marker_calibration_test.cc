@@ -20,18 +20,18 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using testing::DotPaint;
-using testing::DottedObject;
 using testing::dotted_head;
+using testing::DottedObject;
+using ::testing::HasSubstr;
 using testing::paint_dots;
 using testing::view_of;
-using ::testing::HasSubstr;
 
 TEST(ThreePointPose, HoldsTheTruth) {
   Random random(3);
   for (int trial = 0; trial < 200; ++trial) {
-    const Rigid3 truth{quaternion_from_rotation_vector({random.normal(), random.normal(),
-                                                        random.normal()}),
-                       {random.normal(), random.normal(), random.uniform(4.0, 8.0)}};
+    const Rigid3 truth{
+        quaternion_from_rotation_vector({random.normal(), random.normal(), random.normal()}),
+        {random.normal(), random.normal(), random.uniform(4.0, 8.0)}};
     std::array<Vector3d, 3> points, rays;
     for (int k = 0; k < 3; ++k) {
       points[k] = Vector3d(random.normal(), random.normal(), random.normal());
@@ -61,9 +61,8 @@ struct Scene {
   /// The disc that a dot shows; -1 for none.
   int disc_of(int picture, int dot) const {
     const auto at = static_cast<std::size_t>(picture);
-    return testing::disc_at(
-        object, camera, poses[at],
-        pictures[at].dots[static_cast<std::size_t>(dot)].centre_px);
+    return testing::disc_at(object, camera, poses[at],
+                            pictures[at].dots[static_cast<std::size_t>(dot)].centre_px);
   }
 };
 
@@ -96,9 +95,9 @@ Scene photos(std::uint64_t seed, int count = 6, Lens lens = Lens::pinhole) {
   scene.camera = scene_camera(random, lens);
   for (int i = 0; i < count; ++i) {
     const double z = scene.camera.focal_px.x() / 640.0 * random.uniform(0.28, 0.38);
-    const Rigid3 pose = view_of(
-        {random.uniform(-0.6, 0.6), random.uniform(-3.0, 3.0), random.uniform(-0.3, 0.3)},
-        {random.uniform(-0.05, 0.05), random.uniform(-0.03, 0.03), z});
+    const Rigid3 pose =
+        view_of({random.uniform(-0.6, 0.6), random.uniform(-3.0, 3.0), random.uniform(-0.3, 0.3)},
+                {random.uniform(-0.05, 0.05), random.uniform(-0.03, 0.03), z});
     add_picture(scene, pose, false, {}, 1000 * seed + static_cast<std::uint64_t>(i));
   }
   return scene;
@@ -114,8 +113,9 @@ Scene clip(std::uint64_t seed, int frames = 40) {
   const double phase = random.uniform(0.0, 6.0), start = random.uniform(-3.0, 3.0);
   for (int i = 0; i < frames; ++i) {
     const double t = 2.0 * std::numbers::pi * i / frames;
-    const Rigid3 pose = view_of({0.45 * std::sin(t + phase), start + 0.6 * std::sin(t), 0.0},
-                                {0.03 * std::sin(t), 0.02 * std::cos(t), z * (1.0 + 0.1 * std::cos(t))});
+    const Rigid3 pose =
+        view_of({0.45 * std::sin(t + phase), start + 0.6 * std::sin(t), 0.0},
+                {0.03 * std::sin(t), 0.02 * std::cos(t), z * (1.0 + 0.1 * std::cos(t))});
     add_picture(scene, pose, i > 0, {}, 1000 * seed + static_cast<std::uint64_t>(i));
   }
   return scene;
@@ -183,9 +183,9 @@ std::vector<MarkerPoint> rings(int turns) {
     for (int k = 0; k < turns; ++k) {
       const double angle = 2.0 * std::numbers::pi * k / turns + 0.3 * ring;
       const double radius = 0.05 + 0.01 * ring;
-      points.push_back({.name = "r" + std::string(1, static_cast<char>('0' + 10 * ring + k)),
-                        .position_m = {radius * std::cos(angle), 0.03 * ring,
-                                       radius * std::sin(angle)}});
+      points.push_back(
+          {.name = "r" + std::string(1, static_cast<char>('0' + 10 * ring + k)),
+           .position_m = {radius * std::cos(angle), 0.03 * ring, radius * std::sin(angle)}});
     }
   }
   return points;
@@ -293,8 +293,8 @@ TEST(FollowDots, KeepsIdentitiesThroughGaps) {
   std::size_t sightings = 0;
   for (std::size_t i = 0; i < dots.size(); ++i) {
     for (std::size_t j = 0; j < dots[i].size(); ++j) {
-      const int disc = testing::disc_at(scene.object, scene.camera, scene.poses[i],
-                                        dots[i][j].centre_px);
+      const int disc =
+          testing::disc_at(scene.object, scene.camera, scene.poses[i], dots[i][j].centre_px);
       ++discs[static_cast<std::size_t>(tracks.track_of_dot[i][j])][disc];
       ++sightings;
     }
@@ -384,14 +384,15 @@ TEST(MarkerStudy, DISABLED_Known) {
             scene.pictures, {"camera"}, scene.object.points(with_faces), {});
         const double focal = found.adjustment.survey.cameras[0].focal_px.x();
         char line[200];
-        std::snprintf(line, sizeof line,
-                      "views %zu sightings %zu wrong %d outliers %td rms %.4f focal %.2f of %.2f "
-                      "sigma %.3f nerr %.2f",
-                      found.adjustment.survey.world_from_target.size(),
-                      found.adjustment.survey.sightings.size(), wrong_names(scene, found),
-                      std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
-                      found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
-                      (focal - scene.camera.focal_px.x()) / focal_sigma(found));
+        std::snprintf(
+            line, sizeof line,
+            "views %zu sightings %zu wrong %d outliers %td rms %.4f focal %.2f of %.2f "
+            "sigma %.3f nerr %.2f",
+            found.adjustment.survey.world_from_target.size(),
+            found.adjustment.survey.sightings.size(), wrong_names(scene, found),
+            std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
+            found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
+            (focal - scene.camera.focal_px.x()) / focal_sigma(found));
         text = line;
       } catch (const std::exception& error) {
         text = std::string("FAILED ") + error.what();
@@ -421,14 +422,15 @@ TEST(MarkerStudy, DISABLED_Unknown) {
       int mixed = 0;
       for (const auto& [point, discs] : discs_of_point) mixed += discs.size() > 1;
       char line[200];
-      std::snprintf(line, sizeof line,
-                    "views %zu points %zu sightings %zu mixed %d outliers %td rms %.4f focal %.2f of "
-                    "%.2f sigma %.3f nerr %.2f",
-                    found.adjustment.survey.world_from_target.size(), found.points.size(),
-                    found.adjustment.survey.sightings.size(), mixed,
-                    std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
-                    found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
-                    (focal - scene.camera.focal_px.x()) / focal_sigma(found));
+      std::snprintf(
+          line, sizeof line,
+          "views %zu points %zu sightings %zu mixed %d outliers %td rms %.4f focal %.2f of "
+          "%.2f sigma %.3f nerr %.2f",
+          found.adjustment.survey.world_from_target.size(), found.points.size(),
+          found.adjustment.survey.sightings.size(), mixed,
+          std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
+          found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
+          (focal - scene.camera.focal_px.x()) / focal_sigma(found));
       text = line;
     } catch (const std::exception& error) {
       text = std::string("FAILED ") + error.what();

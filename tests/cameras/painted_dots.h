@@ -52,8 +52,8 @@ inline DottedObject dotted_head(Random& random, int dots, double apart_m = 0.025
       return (d.centre_m - at).norm() < apart_m;
     });
     if (crowded) continue;
-    object.discs.push_back(
-        {at, on_sphere.cwiseQuotient(object.half_axes_m).normalized(), random.uniform(0.0025, 0.0045)});
+    object.discs.push_back({at, on_sphere.cwiseQuotient(object.half_axes_m).normalized(),
+                            random.uniform(0.0025, 0.0045)});
   }
   return object;
 }
@@ -69,14 +69,13 @@ inline Rgb8 paint_dots(const Camera& camera, const DottedObject& object,
                        std::uint64_t seed) {
   const Rigid3 object_from_camera = camera_from_object.inverse();
   cv::Mat light(camera.height, camera.width, CV_32F);
-  const Eigen::Vector3d eye =
-      object_from_camera.translation_m.cwiseQuotient(object.half_axes_m);
+  const Eigen::Vector3d eye = object_from_camera.translation_m.cwiseQuotient(object.half_axes_m);
   // The object's outline, one ray a pixel.
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector3d ray = (object_from_camera.rotation *
-                                   unproject(camera, {x + 0.5, y + 0.5}))
-                                      .cwiseQuotient(object.half_axes_m);
+      const Eigen::Vector3d ray =
+          (object_from_camera.rotation * unproject(camera, {x + 0.5, y + 0.5}))
+              .cwiseQuotient(object.half_axes_m);
       const double b = ray.dot(eye), a = ray.squaredNorm();
       const bool hit = b * b - a * (eye.squaredNorm() - 1.0) > 0.0;
       light.at<float>(y, x) = static_cast<float>(hit ? paint.object : paint.background);

@@ -30,9 +30,8 @@ class CalibrateMarkers : public ::testing::Test {
   std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
 
   std::string picture(const std::string& name, const Rigid3& pose) const {
-    const auto bytes =
-        encode_image(paint_dots(camera_, object_, pose, {}, std::hash<std::string>()(name)),
-                     ImageFormat::png);
+    const auto bytes = encode_image(
+        paint_dots(camera_, object_, pose, {}, std::hash<std::string>()(name)), ImageFormat::png);
     std::ofstream(path(name), std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes.data()),
                static_cast<std::streamsize>(bytes.size()));
@@ -88,8 +87,8 @@ TEST_F(CalibrateMarkers, DotsAtUnknownPlaces) {
     picture("clip/f" + std::to_string(100 + i) + ".png",
             view_of({0.4 * std::cos(t), 0.5 * std::sin(t), 0.0}, {0.01, 0.0, 0.36}));
   }
-  const ProgramResult result = markers({path("clip")}, {"--scale-unknown", "--lens", "pinhole",
-                                                        "--json", path("summary.json")});
+  const ProgramResult result = markers(
+      {path("clip")}, {"--scale-unknown", "--lens", "pinhole", "--json", path("summary.json")});
   ASSERT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("the scale is not known"));
   EXPECT_NEAR(read_camera(path("out/camera.json")).focal_px.x(), 720.0, 40.0);

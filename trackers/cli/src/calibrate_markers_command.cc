@@ -20,6 +20,7 @@
 #include "semblance/core/html_page.h"
 #include "semblance/core/progress.h"
 #include "semblance/io/camera_io.h"
+#include "semblance/io/camera_rig.h"
 #include "semblance/io/image_io.h"
 
 namespace semblance::cli {
@@ -159,11 +160,12 @@ std::string svg_of(const Rgb8& image, const MarkerPicture& picture, int index,
   for (std::size_t j = 0; j < picture.dots.size(); ++j) {
     const Dot& dot = picture.dots[j];
     const auto label = labels.find({index, static_cast<int>(j)});
-    const char* colour = label == labels.end() ? "#98a2ab"
+    const char* colour = label == labels.end()   ? "#98a2ab"
                          : label->second.outlier ? "#ff3b45"
                                                  : "#19c37d";
     out += fmt::format(
-        "<ellipse rx=\"{:.2f}\" ry=\"{:.2f}\" transform=\"translate({:.2f} {:.2f}) rotate({:.1f})\" "
+        "<ellipse rx=\"{:.2f}\" ry=\"{:.2f}\" transform=\"translate({:.2f} {:.2f}) "
+        "rotate({:.1f})\" "
         "fill=\"none\" stroke=\"{}\" stroke-width=\"{:.2f}\"/>\n",
         dot.major_px, dot.minor_px, dot.centre_px.x(), dot.centre_px.y(),
         dot.angle_rad * 180.0 / std::numbers::pi, colour, line);
@@ -230,8 +232,7 @@ void run_markers(const Context& context, const MarkersOptions& options) {
     write_camera((folder / "camera.json").string(), cameras[0]);
   }
   write_marker_points((folder / "points.json").string(), found.points);
-  const Verdict verdict =
-      finish_calibration(options.folder, found.adjustment, report, *progress);
+  const Verdict verdict = finish_calibration(options.folder, found.adjustment, report, *progress);
 
   Json summary{{"places", options.points.empty() ? "found" : "known"},
                {"lens", options.lens},
@@ -289,8 +290,9 @@ void add_calibrate_markers_command(CLI::App& calibrate, Context& context) {
                    "Unknown places; the distance of two dots in metres, as in d03:d11:0.12")
       ->check([](const std::string& text) {
         return length_of(text) ? std::string()
-                               : text + ": two names and a length in metres were expected, as in "
-                                        "d03:d11:0.12";
+                               : text +
+                                     ": two names and a length in metres were expected, as in "
+                                     "d03:d11:0.12";
       });
   places->add_flag("--scale-unknown", options->scale_unknown, "Unknown places, unknown scale");
   places->require_option(1);
@@ -300,8 +302,7 @@ void add_calibrate_markers_command(CLI::App& calibrate, Context& context) {
       {"any", DotTone::any}, {"dark", DotTone::dark}, {"light", DotTone::light}};
   markers->add_option("--dots", options->tone, "Dots against their ground: any, dark or light")
       ->transform(CLI::CheckedTransformer(tones));
-  markers
-      ->add_option("--most-frames", options->most_frames, "Of a video, in even steps; 0 for all")
+  markers->add_option("--most-frames", options->most_frames, "Of a video, in even steps; 0 for all")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   add_camera_options(*markers, *options);

@@ -19,9 +19,9 @@ struct DotOptions {
 
 /// An ellipse in a picture; pixel centres at +0.5.
 struct Dot {
-  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the ellipse, not of the round dot
-  double major_px = 0.0, minor_px = 0.0;                // half axes
-  double angle_rad = 0.0;                               // of the major axis, from x towards y
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();       // of the ellipse, not of the round dot
+  double major_px = 0.0, minor_px = 0.0;                     // half axes
+  double angle_rad = 0.0;                                    // of the major axis, from x towards y
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();  // of the centre
   bool light = false;
 
@@ -33,8 +33,8 @@ struct Dot {
 /// levels and in each of its colours; of what is found twice the more certain one stays. Ellipses
 /// are fitted to the gradients at the outline (Ouellet and Hebert, "Precise ellipse estimation
 /// without contour point extraction", Machine Vision and Applications 21, 2009). The covariance is
-/// that of the noise around the outline, as the residuals of the fit say, carried through the fit; it
-/// knows nothing of dots that are not round.
+/// that of the noise around the outline, as the residuals of the fit say, carried through the fit;
+/// it knows nothing of dots that are not round.
 std::vector<Dot> find_dots(const Rgb8& image, const DotOptions& options = {});
 
 /// A flat round dot in space.
@@ -52,8 +52,8 @@ struct DiscImage {
 
 /// A disc given in the camera's frame, wholly in front of the camera. Without a lens the outline is
 /// a conic, whose centre has a closed form (Heikkila, "Geometric camera calibration using circular
-/// control points", PAMI 22, 2000): it is not the image of the disc's centre. The lens is applied to
-/// points of that outline.
+/// control points", PAMI 22, 2000): it is not the image of the disc's centre. The lens is applied
+/// to points of that outline.
 DiscImage image_of(const Camera& camera, const Disc& disc_camera);
 
 /// How far the centre of the outline is from the image of the disc's centre. This is what detected

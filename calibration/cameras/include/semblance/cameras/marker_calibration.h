@@ -50,12 +50,12 @@ struct MarkerCalibration {
 /// several cameras the first one is the frame, and the others are chained to it through instants
 /// that pairs of them share.
 ///
-/// Centres are corrected for perspective, by radii and normals as given, otherwise as the ellipses say
-/// where several views agree.
+/// Centres are corrected for perspective, by radii and normals as given, otherwise as the ellipses
+/// say where several views agree.
 ///
-/// Throws InvalidInput for points that a turn leaves the same (no picture can name them) or that are
-/// too few, for pictures of one camera that differ in size, and for cameras that share no instant;
-/// SolverError, saying what is missing, where no picture's dots can be named beyond doubt.
+/// Throws InvalidInput for points that a turn leaves the same (no picture can name them) or that
+/// are too few, for pictures of one camera that differ in size, and for cameras that share no
+/// instant; SolverError, saying what is missing, where no picture's dots can be named beyond doubt.
 MarkerCalibration calibrate_known_markers(const std::vector<MarkerPicture>& pictures,
                                           const std::vector<std::string>& camera_names,
                                           const std::vector<MarkerPoint>& points,
@@ -64,8 +64,9 @@ MarkerCalibration calibrate_known_markers(const std::vector<MarkerPicture>& pict
 /// One camera and the dots' places, from a video or pictures in order in which dots can be followed
 /// (follow_dots). The start is the essential matrix of two pictures (Nister, "An efficient solution
 /// to the five-point relative pose problem", PAMI 26, 2004), tried for a row of focal lengths and
-/// pairs; further pictures and dots are added in turn; all is adjusted together. Dots are named d01,
-/// d02, ... in the order in which they are seen, from the top down. Dots that return are recognised.
+/// pairs; further pictures and dots are added in turn; all is adjusted together. Dots are named
+/// d01, d02, ... in the order in which they are seen, from the top down. Dots that return are
+/// recognised.
 ///
 /// The first picture used is the object's frame: x right, y down, z forward. Radii and normals of
 /// dots are estimated from their ellipses, and centres corrected for perspective.
