@@ -20,6 +20,7 @@
 #include "semblance/core/html_page.h"
 #include "semblance/core/progress.h"
 #include "semblance/io/camera_io.h"
+#include "semblance/io/camera_rig.h"
 #include "semblance/io/image_io.h"
 #include "sheet_command.h"
 
