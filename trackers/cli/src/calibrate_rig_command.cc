@@ -12,6 +12,7 @@
 #include "semblance/cameras/rig_calibration.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/camera_rig.h"
 #include "semblance/io/picture_size.h"
 #include "sheet_command.h"
 
