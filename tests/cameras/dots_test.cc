@@ -119,8 +119,10 @@ TEST(FindDots, DeviationsAreThoseOfTheNoise) {
     count += found.matched;
   }
   ASSERT_GT(count, 80);
-  // 2 on average for Gaussian errors of the stated covariance; a little more for what is no noise.
-  EXPECT_NEAR(normalised / count, 2.0, 0.7);
+  // 2 on average for errors of the stated covariance. The residuals hold what blur makes of the
+  // outline too, so that deviations err on the large side, less than twofold.
+  EXPECT_LT(normalised / count, 2.5);
+  EXPECT_GT(normalised / count, 0.5);
 }
 
 TEST(FindDots, ColouredDotsOfTheGroundsGreyLevel) {

@@ -34,7 +34,8 @@ struct Dot {
 /// are fitted to the gradients at the outline (Ouellet and Hebert, "Precise ellipse estimation
 /// without contour point extraction", Machine Vision and Applications 21, 2009). The covariance is
 /// that of the noise around the outline, as the residuals of the fit say, carried through the fit;
-/// it knows nothing of dots that are not round.
+/// it knows nothing of dots that are not round, and errs on the large side (less than twofold on
+/// painted dots), as the residuals hold what blur makes of the outline too.
 std::vector<Dot> find_dots(const Rgb8& image, const DotOptions& options = {});
 
 /// A flat round dot in space.
