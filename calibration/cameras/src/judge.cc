@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,6 +9,7 @@
 
 #include "next_view.h"
 #include "projection_map.h"
+#include "rays.h"
 #include "semblance/core/errors.h"
 
 namespace semblance {
@@ -99,39 +99,20 @@ std::vector<SquareSum> held_out_errors(const Adjustment& whole, Progress& progre
   return errors;
 }
 
-// The point that rays of several cameras come closest to (linear, then it is what it is: only
-// lengths are compared); none for rays that hardly differ in direction.
-std::optional<Eigen::Vector3d> point_from_rays(const Survey& survey,
-                                               const std::vector<const Sighting*>& seen) {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
-  for (const Sighting* sighting : seen) {
-    const Camera& camera = survey.cameras[static_cast<std::size_t>(sighting->camera)];
-    const Rigid3 world_from_camera = camera.camera_from_world.inverse();
-    const Eigen::Vector3d ray =
-        (world_from_camera.rotation * unproject(camera, sighting->pixel_px)).normalized();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - ray * ray.transpose();
-    normal += across;
-    right += across * world_from_camera.translation_m;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
-  constexpr double least_spread = 0.005;  // square of the sine of a few degrees
-  if (!(eigen.eigenvalues()[0] > least_spread)) return std::nullopt;
-  return normal.ldlt().solve(right);
-}
-
 using PointsOfPlacement = std::map<int, Eigen::Vector3d>;
 
 std::map<int, PointsOfPlacement> points_from_rays(const Adjustment& whole) {
-  std::map<std::pair<int, int>, std::vector<const Sighting*>> seen;
+  std::map<std::pair<int, int>, std::vector<Ray>> seen;
   for (std::size_t i = 0; i < whole.survey.sightings.size(); ++i) {
     const Sighting& sighting = whole.survey.sightings[i];
-    if (!whole.outlier[i]) seen[{sighting.placement, sighting.point}].push_back(&sighting);
+    if (whole.outlier[i]) continue;
+    const Camera& camera = whole.survey.cameras[static_cast<std::size_t>(sighting.camera)];
+    seen[{sighting.placement, sighting.point}].push_back({&camera, sighting.pixel_px});
   }
   std::map<int, PointsOfPlacement> result;
-  for (const auto& [key, sightings] : seen) {
-    if (sightings.size() < 2) continue;
-    if (const auto point = point_from_rays(whole.survey, sightings)) {
+  for (const auto& [key, rays] : seen) {
+    if (rays.size() < 2) continue;
+    if (const auto point = point_from_rays(rays)) {
       result[key.first][key.second] = *point;
     }
   }

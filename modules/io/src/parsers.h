@@ -7,6 +7,7 @@
 
 #include "semblance/io/camera_formats.h"
 #include "semblance/io/lip_markers.h"
+#include "semblance/io/marks_io.h"
 #include "semblance/io/mesh_io.h"
 #include "semblance/io/outline_io.h"
 #include "semblance/io/points.h"
@@ -21,6 +22,7 @@ Mesh parse_ply(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
 LipTrack parse_lip_markers(std::string_view content, const std::string& source);
+MarksFile parse_marks(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_table(std::string_view content, const std::string& source);
 Eigen::Matrix2Xd parse_outline_svg(std::string_view content, const std::string& source,
                                    const std::string& id);
