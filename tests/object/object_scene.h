@@ -91,6 +91,7 @@ struct ObjectSceneOptions {
   double click_px = 4.0;  // deviation of a coordinate of a pair
   int pairs = 8;
   bool mask = false;
+  double lamp = 0.6;  // its share of the light
 };
 
 /// What is in front of a test's camera, drawn by rays.
@@ -118,8 +119,9 @@ class ObjectScene {
     RayTraceOptions rays;
     rays.samples_per_pixel = 16;
     rays.seed = seed;
-    rays.lamp = DirectionalLight{.towards_light = {-0.5, -0.7, -0.8},
-                                 .radiance = Eigen::Vector3f::Constant(0.6f)};
+    rays.lamp =
+        DirectionalLight{.towards_light = {-0.5, -0.7, -0.8},
+                         .radiance = Eigen::Vector3f::Constant(static_cast<float>(options_.lamp))};
     const Frame frame = ray_trace(scene, camera, Channel::colour | Channel::triangle, rays);
     ObjectPicture out;
     out.name = "picture" + std::to_string(seed);

@@ -10,8 +10,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kCells = 8;                   // to each side of the object's box in the picture
-constexpr float kOutlineOffset_px = 0.25f;  // of all of an outline alike
+constexpr int kCells = 8;  // to each side of the object's box in the picture
+// Of all of a picture alike, in pixels of the comparison.
+constexpr float kOutlineOffset_px = 0.25f;
+constexpr double kColourOffset_px = 0.05;
 
 /// Which cell of the visible object's box a place is in.
 class CellGrid {
@@ -38,17 +40,11 @@ class CellGrid {
   Eigen::Vector2i low_, high_ = Eigen::Vector2i::Zero();
 };
 
-std::vector<VisiblePixels> pixels_by_cell(const Synthesis& synthesis, const CellGrid& grid) {
-  std::vector<VisiblePixels> out(kCells * kCells);
-  const VisiblePixels& all = synthesis.pixels;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const int x = all.pixel[i] % synthesis.camera.width, y = all.pixel[i] / synthesis.camera.width;
-    VisiblePixels& cell = out[grid.cell_of(x, y)];
-    cell.pixel.push_back(all.pixel[i]);
-    cell.triangle.push_back(all.triangle[i]);
-    cell.b1.push_back(all.b1[i]);
-    cell.b2.push_back(all.b2[i]);
-    cell.depth_m.push_back(all.depth_m[i]);
+std::vector<int> cells_of_pixels(const Synthesis& synthesis, const CellGrid& grid) {
+  const int width = synthesis.camera.width;
+  std::vector<int> out;
+  for (const std::int32_t pixel : synthesis.pixels.pixel) {
+    out.push_back(static_cast<int>(grid.cell_of(pixel % width, pixel / width)));
   }
   return out;
 }
@@ -81,57 +77,43 @@ class Scatter {
 
  private:
   VectorXd gradient(std::size_t picture, const Synthesis& synthesis,
-                    const std::vector<const Cost*>& costs) const {
+                    std::vector<ContourTarget> outline) const {
     NormalEquations equations;
     equations.reset(static_cast<Eigen::Index>(objective_.columns(picture).size()));
-    objective_.add_costs(x_, picture, synthesis, costs, equations);
+    const ContourCost cost(std::move(outline), &workspace_.target().topology);
+    objective_.add_cost(x_, picture, synthesis, cost, equations);
     return equations.gradient;
   }
 
   void add_cells(std::size_t picture, const PictureComparison& comparison,
                  const Synthesis& synthesis, MatrixXd& sum) const {
     const CellGrid grid(synthesis);
-    const auto pixels = pixels_by_cell(synthesis, grid);
+    MatrixXd scores = MatrixXd::Zero(sum.rows(), kCells * kCells);
+    if (comparison.colours != nullptr) {
+      const auto found = comparison.colours->scores(objective_.view(x_, picture), synthesis,
+                                                    cells_of_pixels(synthesis, grid),
+                                                    kCells * kCells, kColourOffset_px);
+      scores += found.cells;
+      sum += found.systematic * found.systematic.transpose();
+    }
     const auto outline = outline_by_cell(comparison.outline, grid);
-    ShadedPixels shaded;
-    const double whole =
-        comparison.colours != nullptr ? comparison.colours->shade(synthesis, shaded) : 0.0;
-    MatrixXd scatter = MatrixXd::Zero(sum.rows(), sum.cols());
-    int used = 0;
-    for (std::size_t cell = 0; cell < pixels.size(); ++cell) {
-      const Synthesis part{synthesis.space,  synthesis.x,  synthesis.scene,
-                           synthesis.camera, pixels[cell], synthesis.projected};
-      const ContourCost edge(outline[cell], &workspace_.target().topology);
-      std::vector<const Cost*> costs;
-      if (!outline[cell].empty()) costs.push_back(&edge);
-      std::optional<PhotometricCost> colours;
-      if (whole > 0.0 && pixels[cell].size() > 0) {
-        // The cost is a mean; a cell's is to have the weight it has in the whole.
-        PhotometricOptions options = comparison.options;
-        options.reference_pixels *= comparison.colours->shade(part, shaded) / whole;
-        colours.emplace(comparison.observation, &*workspace_.target().appearance,
-                        &workspace_.target().topology, comparison.triangle_weight, options);
-        if (options.reference_pixels > 0.0) costs.push_back(&*colours);
-      }
-      if (costs.empty()) continue;
-      const VectorXd g = gradient(picture, part, costs);
-      scatter += g * g.transpose();
-      ++used;
+    for (std::size_t cell = 0; cell < outline.size(); ++cell) {
+      if (outline[cell].empty()) continue;
+      scores.col(static_cast<Eigen::Index>(cell)) += gradient(picture, synthesis, outline[cell]);
     }
     // As many cells less than there are as the parameters can satisfy.
-    const double left = std::max(1.0, used - 6.0);
-    sum += used / left * scatter;
+    const auto used = static_cast<double>((scores.colwise().squaredNorm().array() > 0.0).count());
+    const double left = std::max(1.0, used - static_cast<double>(sum.rows()));
+    sum += used / left * scores * scores.transpose();
   }
 
   void add_offset(std::size_t picture, const PictureComparison& comparison,
                   const Synthesis& synthesis, MatrixXd& sum) const {
     if (comparison.outline.empty()) return;
-    const SurfaceTopology* topology = &workspace_.target().topology;
     std::vector<ContourTarget> moved = comparison.outline;
     for (ContourTarget& target : moved) target.target_px += kOutlineOffset_px * target.normal;
-    const ContourCost found(comparison.outline, topology), beside(std::move(moved), topology);
-    const VectorXd g =
-        gradient(picture, synthesis, {&beside}) - gradient(picture, synthesis, {&found});
+    const VectorXd g = gradient(picture, synthesis, std::move(moved)) -
+                       gradient(picture, synthesis, comparison.outline);
     sum += g * g.transpose();
   }
 

@@ -4,19 +4,16 @@
 #include <optional>
 #include <vector>
 
+#include "colour_comparison.h"
 #include "object_objective.h"
 #include "semblance/cost/contour.h"
-#include "semblance/cost/photometric.h"
 
 namespace semblance {
 
 /// The comparisons of one picture, to be taken apart into cells.
 struct PictureComparison {
-  const PhotometricCost* colours = nullptr;  // may be null
-  const ObservationLevel* observation = nullptr;
-  const std::vector<float>* triangle_weight = nullptr;
-  PhotometricOptions options;
-  std::vector<ContourTarget> outline;  // may be empty
+  const ColourComparison* colours = nullptr;  // may be null
+  std::vector<ContourTarget> outline;         // may be empty
 };
 
 /// Covariance at x in the objective's tangent space; none where the Hessian is singular.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "colour_comparison.h"
 #include "semblance/core/parallel.h"
 
 namespace semblance {
@@ -129,6 +130,14 @@ PointMotion point_motion(const Camera& camera, const IntrinsicsFreedom& freedom,
       camera.focal_px.asDiagonal() * lens.d_direction * d_direction / seen.z();
   out.by_parameters.middleCols<3>(intrinsics) = -d_seen * cross_matrix(turned);
   out.by_parameters.rightCols<3>() = d_seen;
+  return out;
+}
+
+PointMotion PictureView::motion(const Vector3d& point_m) const {
+  PointMotion out = point_motion(camera, freedom, camera_from_object, point_m);
+  // The focal length and the principal point are those of the full picture.
+  const int pixels = static_cast<int>(freedom.focal) + 2 * static_cast<int>(freedom.principal);
+  out.by_parameters.leftCols(pixels) *= scale;
   return out;
 }
 
@@ -271,30 +280,26 @@ Eigen::MatrixXd ObjectObjective::pairs_information(const VectorXd& x) const {
   return out;
 }
 
-void ObjectObjective::add_costs(const VectorXd& x, std::size_t picture, const Synthesis& synthesis,
-                                const std::vector<const Cost*>& costs, NormalEquations& out) const {
+PictureView ObjectObjective::view(const VectorXd& x, std::size_t picture) const {
+  const double scale = terms_[picture].scale;
+  return {camera(x).scaled(scale), freedom_, pose(x, picture), scale};
+}
+
+void ObjectObjective::add_cost(const VectorXd& x, std::size_t picture, const Synthesis& synthesis,
+                               const Cost& cost, NormalEquations& out) const {
   ObjectWorkspace::Buffers& buffers = workspace_.of(picture);
   buffers.equations.reset();
-  for (const Cost* cost : costs) {
-    out.cost += cost->evaluate(synthesis, &buffers.equations, &out);
-  }
+  out.cost += cost.evaluate(synthesis, &buffers.equations, &out);
   if (!std::isfinite(out.cost)) return;
   const std::vector<int>& vertices = buffers.equations.touched_vertices();
-  const Camera lens = camera(x).scaled(terms_[picture].scale);
-  const Rigid3 place = pose(x, picture);
-  const Eigen::Index count = intrinsics_ + 6;
-  // The focal length and the principal point are those of the full picture.
-  VectorXd unit = VectorXd::Ones(count);
-  unit.head(static_cast<int>(freedom_.focal) + 2 * static_cast<int>(freedom_.principal))
-      .setConstant(terms_[picture].scale);
+  const PictureView seen = view(x, picture);
+  const Eigen::Index count = seen.parameters();
   buffers.motion.setZero(2 * static_cast<Eigen::Index>(vertices.size()),
                          SurfaceEquations::padded_columns(count));
   const auto& positions = workspace_.target().mesh.positions_m;
   for (std::size_t i = 0; i < vertices.size(); ++i) {
-    const PointMotion motion =
-        point_motion(lens, freedom_, place, positions.row(vertices[i]).transpose());
     buffers.motion.block(2 * static_cast<Eigen::Index>(i), 0, 2, count) =
-        (motion.by_parameters * unit.asDiagonal()).cast<float>();
+        seen.motion(positions.row(vertices[i]).transpose()).by_parameters.cast<float>();
   }
   buffers.equations.assemble(buffers.motion, out);
 }
@@ -303,10 +308,13 @@ double ObjectObjective::evaluate(const VectorXd& x) const {
   std::vector<double> parts(terms_.size(), 0.0);
   parallel_for(terms_.size(), [&](std::size_t k) {
     parts[k] = pairs_cost(x, k);
-    if (terms_[k].costs.empty() || !std::isfinite(parts[k])) return;
+    const PictureTerms& terms = terms_[k];
+    if ((terms.outline == nullptr && terms.colours == nullptr) || !std::isfinite(parts[k])) return;
     with_synthesis(x, k, [&](const Synthesis& synthesis) {
-      for (const Cost* cost : terms_[k].costs) {
-        parts[k] += cost->evaluate(synthesis, nullptr, nullptr);
+      if (terms.outline != nullptr)
+        parts[k] += terms.outline->evaluate(synthesis, nullptr, nullptr);
+      if (terms.colours != nullptr) {
+        parts[k] += terms.colours->evaluate(view(x, k), synthesis, nullptr);
       }
     });
   });
@@ -320,9 +328,14 @@ bool ObjectObjective::normal_equations(const VectorXd& x, NormalEquations& out) 
   parallel_for(terms_.size(), [&](std::size_t k) {
     parts[k].reset(intrinsics_ + 6);
     add_pairs(x, k, parts[k]);
-    if (terms_[k].costs.empty() || !std::isfinite(parts[k].cost)) return;
+    const PictureTerms& terms = terms_[k];
+    if (terms.outline == nullptr && terms.colours == nullptr) return;
+    if (!std::isfinite(parts[k].cost)) return;
     with_synthesis(x, k, [&](const Synthesis& synthesis) {
-      add_costs(x, k, synthesis, terms_[k].costs, parts[k]);
+      if (terms.outline != nullptr) add_cost(x, k, synthesis, *terms.outline, parts[k]);
+      if (terms.colours != nullptr) {
+        parts[k].cost += terms.colours->evaluate(view(x, k), synthesis, &parts[k]);
+      }
     });
   });
   out.reset(space_.tangent_size());

@@ -25,12 +25,27 @@ struct IntrinsicsFreedom {
 
 /// A point's pixel, and how it moves: by the free intrinsics, then by a rotation about the camera's
 /// axes and a shift of the object.
+inline constexpr int kMostParameters = 3 + 8 + 6;  // intrinsics, coefficients, pose
 struct PointMotion {
   Eigen::Vector2d pixel_px;
-  Eigen::Matrix<double, 2, Eigen::Dynamic> by_parameters;
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::ColMajor, 2, kMostParameters> by_parameters;
 };
 PointMotion point_motion(const Camera& camera, const IntrinsicsFreedom& freedom,
                          const Rigid3& camera_from_object, const Eigen::Vector3d& point_m);
+
+/// One picture's camera and pose, for pixels of a comparison at `scale`.
+struct PictureView {
+  Camera camera;  // scaled
+  IntrinsicsFreedom freedom;
+  Rigid3 camera_from_object;  // of the target's middle
+  double scale = 1.0;
+
+  Eigen::Index parameters() const { return freedom.count(camera.lens) + 6; }
+  /// By the parameters of the full picture.
+  PointMotion motion(const Eigen::Vector3d& point_m) const;
+};
+
+class ColourComparison;
 
 /// The rasteriser and the equations of one picture, kept from objective to objective.
 class ObjectWorkspace {
@@ -48,9 +63,10 @@ class ObjectWorkspace {
 
 /// What one picture is compared with. Pairs are about the target's middle.
 struct PictureTerms {
-  double scale = 1.0;  // pixels of the comparison per pixel of the picture
-  ShLight light;       // in the camera's frame
-  std::vector<const Cost*> costs;
+  double scale = 1.0;             // pixels of the comparison per pixel of the picture
+  ShLight light;                  // in the camera's frame
+  const Cost* outline = nullptr;  // may be null, as may be
+  const ColourComparison* colours = nullptr;
   std::vector<ObjectPair> pairs;
   double pair_sigma_px = 1.0;
 };
@@ -79,9 +95,10 @@ class ObjectObjective : public Objective {
   /// Calls `use` with the synthesis of one picture at x.
   void with_synthesis(const Eigen::VectorXd& x, std::size_t picture,
                       const std::function<void(const Synthesis&)>& use) const;
-  /// Adds costs on a part of a picture's synthesis; `out` has the size of columns().
-  void add_costs(const Eigen::VectorXd& x, std::size_t picture, const Synthesis& synthesis,
-                 const std::vector<const Cost*>& costs, NormalEquations& out) const;
+  PictureView view(const Eigen::VectorXd& x, std::size_t picture) const;
+  /// Adds a cost that lives on the surface; `out` has the size of columns().
+  void add_cost(const Eigen::VectorXd& x, std::size_t picture, const Synthesis& synthesis,
+                const Cost& cost, NormalEquations& out) const;
   /// The pairs' share of the Hessian.
   Eigen::MatrixXd pairs_information(const Eigen::VectorXd& x) const;
 

@@ -10,17 +10,19 @@
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/cost/light.h"
+#include "semblance/cost/photometric.h"
 #include "semblance/optim/optimizer.h"
+#include "sharp_outline.h"
 
 namespace semblance {
 namespace {
 
 constexpr int kStages = 3;          // of the pyramid, the last the finest
-constexpr int kMostRounds = 12;     // of one stage
-constexpr double kStill_px = 0.02;  // a round that moves less ends its stage
+constexpr int kMostRounds = 8;      // of one stage
+constexpr double kStill_px = 0.03;  // a round that moves less ends its stage
 constexpr double kFinest_px = 1000.0, kCoarsest_px = 80.0;  // sizes of the object in the picture
 constexpr double kReach_px = 8.0, kCorrelation_px = 10.0;
-constexpr double kLeastSigma_px = 0.3, kMostSigma_px = 1.5;  // of the outline
+constexpr double kLeastSigma_px = 0.2, kMostSigma_px = 1.5;  // of the outline
 constexpr std::size_t kLeastPixels = 100;
 constexpr double kLeastOutline = 0.2, kLeastCorrelation = 0.5;
 
@@ -78,10 +80,10 @@ struct ObjectRefinement::View {
   int finest = 0, stages = 1;
   ShLight light;
   bool lit = false;
-  PhotometricOptions options;
+  ColourComparison::Options options;
   double outline_sigma_px = kMostSigma_px;
   std::vector<ContourTarget> outline;
-  std::unique_ptr<PhotometricCost> colours;
+  std::unique_ptr<ColourComparison> colours;
   std::unique_ptr<ContourCost> contour;
   std::size_t pixels = 0;
   ObjectFit fit;
@@ -134,13 +136,23 @@ ObjectObjective ObjectRefinement::probe(const RefinementState& state, int stage)
     const View& view = *views_[k];
     PictureTerms term{.scale = view.level(stage).scale,
                       .light = view.light,
-                      .costs = {},
                       .pairs = pictures_[k].pairs,
                       .pair_sigma_px = pair_sigma_px_};
     for (ObjectPair& pair : term.pairs) pair.point_m -= target_.centre_m;
     terms.push_back(std::move(term));
   }
   return {workspace_, state.camera, freedom_, std::move(terms), state.poses};
+}
+
+PhotometricCost::Statistics ObjectRefinement::facts(const View& view, int stage,
+                                                    const Synthesis& synthesis) const {
+  PhotometricOptions options;
+  options.sigma = view.options.sigma;
+  options.robust_width = view.options.robust_width;
+  options.texture_level = view.options.texture_level;
+  return PhotometricCost(&view.level(stage), &*target_.appearance, &target_.topology,
+                         &triangle_weight_, options)
+      .statistics(synthesis);
 }
 
 void ObjectRefinement::look(const RefinementState& state, int stage) {
@@ -155,6 +167,7 @@ void ObjectRefinement::look(const RefinementState& state, int stage) {
       view.pixels = synthesis.pixels.size();
       view.outline = find_contour(synthesis, edges_in, target_.welded, triangle_weight_, edges_,
                                   {kReach_px, view.outline_sigma_px, kCorrelation_px});
+      sharpen_outline(view.outline, edges_in, view.outline_sigma_px);
       view.fit.outline_rms_px = rms_px(view.outline, synthesis, target_.welded) / level.scale;
       view.outline_sigma_px =
           std::clamp(view.fit.outline_rms_px * level.scale, kLeastSigma_px, kMostSigma_px);
@@ -166,9 +179,7 @@ void ObjectRefinement::look(const RefinementState& state, int stage) {
       if (!has_colours(target_) || view.pixels < kLeastPixels) return;
       view.options.texture_level =
           matching_texture_level(synthesis, *target_.appearance, target_.topology);
-      const PhotometricCost before(&level, &*target_.appearance, &target_.topology,
-                                   &triangle_weight_, view.options);
-      const std::vector<float> weight = view.lit ? before.statistics(synthesis).pixel_weight
+      const std::vector<float> weight = view.lit ? facts(view, stage, synthesis).pixel_weight
                                                  : std::vector<float>(view.pixels, 1.0f);
       view.light = estimate_light(synthesis, level, *target_.appearance, target_.topology, weight,
                                   {.pull = 1e-3, .order = 2, .stride = 1});
@@ -181,14 +192,12 @@ void ObjectRefinement::look(const RefinementState& state, int stage) {
     View& view = *views_[k];
     if (view.pixels < kLeastPixels) return;
     lit.with_synthesis(lit.start(), k, [&](const Synthesis& synthesis) {
-      const PhotometricCost cost(&view.level(stage), &*target_.appearance, &target_.topology,
-                                 &triangle_weight_, view.options);
-      const PhotometricCost::Statistics facts = cost.statistics(synthesis);
-      view.options.sigma = std::clamp(facts.sigma, 0.01, 0.15);
-      view.options.correlation_area_px = correlation_area_px(facts.lag_correlation);
+      const PhotometricCost::Statistics found = facts(view, stage, synthesis);
+      view.options.sigma = std::clamp(found.sigma, 0.01, 0.15);
+      view.options.correlation_area_px = correlation_area_px(found.lag_correlation);
       view.options.reference_pixels = static_cast<double>(view.pixels);
-      view.fit.colour_rms = facts.rms;
-      view.fit.colour_correlation = facts.correlation;
+      view.fit.colour_rms = found.rms;
+      view.fit.colour_correlation = found.correlation;
     });
   });
 }
@@ -199,17 +208,14 @@ ObjectObjective ObjectRefinement::comparison(const RefinementState& state, int s
     View& view = *views_[k];
     PictureTerms term{.scale = view.level(stage).scale,
                       .light = view.light,
-                      .costs = {},
                       .pairs = pictures_[k].pairs,
                       .pair_sigma_px = pair_sigma_px_};
     for (ObjectPair& pair : term.pairs) pair.point_m -= target_.centre_m;
     view.contour = std::make_unique<ContourCost>(view.outline, &target_.topology);
-    term.costs.push_back(view.contour.get());
+    term.outline = view.contour.get();
     if (has_colours(target_)) {
-      view.colours =
-          std::make_unique<PhotometricCost>(&view.level(stage), &*target_.appearance,
-                                            &target_.topology, &triangle_weight_, view.options);
-      term.costs.push_back(view.colours.get());
+      view.colours = std::make_unique<ColourComparison>(target_, view.level(stage), view.options);
+      term.colours = view.colours.get();
     }
     terms.push_back(std::move(term));
   }
@@ -273,8 +279,7 @@ void ObjectRefinement::finish(const RefinementState& state) {
   std::vector<PictureComparison> comparisons;
   for (std::size_t k = 0; k < views_.size(); ++k) {
     const View& view = *views_[k];
-    comparisons.push_back(
-        {view.colours.get(), &view.level(stage), &triangle_weight_, view.options, view.outline});
+    comparisons.push_back({view.colours.get(), view.outline});
     fits_[k] = view.fit;
   }
   covariance_ = comparison_covariance(workspace_, objective, objective.start(), comparisons);

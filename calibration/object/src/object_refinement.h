@@ -8,6 +8,7 @@
 #include "object_covariance.h"
 #include "object_objective.h"
 #include "semblance/cost/observation.h"
+#include "semblance/cost/photometric.h"
 
 namespace semblance {
 
@@ -39,6 +40,7 @@ class ObjectRefinement {
     RefinementState state;
     double motion_px = 0.0;  // the farthest that a place of the mesh moved in a picture
   };
+  PhotometricCost::Statistics facts(const View& view, int stage, const Synthesis& synthesis) const;
   ObjectObjective probe(const RefinementState& state, int stage) const;
   void look(const RefinementState& state, int stage);
   ObjectObjective comparison(const RefinementState& state, int stage) const;

@@ -139,21 +139,6 @@ PointsF shared_normals(const Mesh& mesh, const Triangles& welded) {
   return normals;
 }
 
-/// The mesh's shadow along z: where every place has one colour, places may share a texel.
-void lay_flat(Mesh& mesh) {
-  const Eigen::RowVector3d lower = mesh.positions_m.colwise().minCoeff(),
-                           upper = mesh.positions_m.colwise().maxCoeff();
-  const double side = (upper - lower).maxCoeff();
-  mesh.uvs = ((mesh.positions_m.rowwise() - lower) / side).leftCols<2>().cast<float>();
-}
-
-/// One colour of full confidence: what it is, the light takes up.
-Appearance plain_appearance(const Mesh& mesh) {
-  const PointsF colour = PointsF::Constant(mesh.vertex_count(), 3, 0.5f);
-  const auto count = static_cast<std::size_t>(mesh.vertex_count());
-  return {mesh, kSmallestTexture, colour, std::vector<float>(count, 1.0f)};
-}
-
 Appearance textured_appearance(const Mesh& mesh, const Image& texture) {
   const int longest = std::max(texture.width, texture.height);
   const int size = std::clamp(static_cast<int>(std::bit_ceil(static_cast<unsigned>(longest))),
@@ -179,10 +164,10 @@ Appearance textured_appearance(const Mesh& mesh, const Image& texture) {
   return appearance;
 }
 
-void check_mesh(const Mesh& mesh, ObjectColours colours, const std::string& source) {
+void check_mesh(const Mesh& mesh, const Image& texture, const std::string& source) {
   validate(mesh, source);
   if (mesh.triangle_count() == 0) throw InvalidInput(source + ": the mesh has no triangles");
-  if (colours == ObjectColours::texture && mesh.uvs.rows() == 0) {
+  if (!texture.empty() && mesh.uvs.rows() == 0) {
     throw InvalidInput(source +
                        ": the mesh has no texture coordinates, so a texture cannot be laid on it; "
                        "leave the texture out, or export the mesh with them");
@@ -191,9 +176,8 @@ void check_mesh(const Mesh& mesh, ObjectColours colours, const std::string& sour
 
 }  // namespace
 
-ObjectTarget make_object_target(Mesh mesh, ObjectColours colours, const Image& texture,
-                                const std::string& source) {
-  check_mesh(mesh, colours, source);
+ObjectTarget make_object_target(Mesh mesh, const Image& texture, const std::string& source) {
+  check_mesh(mesh, texture, source);
   drop_degenerate(mesh);
   const Eigen::RowVector3d lower = mesh.positions_m.colwise().minCoeff(),
                            upper = mesh.positions_m.colwise().maxCoeff();
@@ -208,7 +192,7 @@ ObjectTarget make_object_target(Mesh mesh, ObjectColours colours, const Image& t
   while (mesh.triangle_count() < kMostTriangles &&
          EdgeDivision(mesh, kLongestEdge * size_m).run()) {
   }
-  if (colours != ObjectColours::texture) lay_flat(mesh);
+  if (mesh.uvs.rows() == 0) mesh.uvs.setZero(mesh.vertex_count(), 2);
   const Triangles welded = welded_triangles(mesh);
   ObjectTarget target{.mesh = std::move(mesh),
                       .centre_m = centre.transpose(),
@@ -216,14 +200,10 @@ ObjectTarget make_object_target(Mesh mesh, ObjectColours colours, const Image& t
                       .normals = {},
                       .topology = SurfaceTopology(Triangles(0, 3)),
                       .welded = SurfaceTopology(welded),
-                      .colours = colours,
                       .appearance = std::nullopt};
   target.topology = SurfaceTopology(target.mesh.triangles);
   target.normals = shared_normals(target.mesh, welded);
-  if (colours == ObjectColours::plain) target.appearance = plain_appearance(target.mesh);
-  if (colours == ObjectColours::texture) {
-    target.appearance = textured_appearance(target.mesh, texture);
-  }
+  if (!texture.empty()) target.appearance = textured_appearance(target.mesh, texture);
   return target;
 }
 
