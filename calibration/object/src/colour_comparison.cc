@@ -168,7 +168,7 @@ ColourComparison::Mean ColourComparison::for_each_pixel(const PictureView& view,
   constexpr double deepest_step = 0.05;  // of the object's size, between pixels of one surface
   const std::vector<char> inside = interior(synthesis, deepest_step * target_.size_m);
   // So many tell as much as more would.
-  constexpr std::size_t enough = 30'000;
+  constexpr std::size_t enough = 15'000;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() / enough);
   double weights = 0.0, cost = 0.0;
   PixelTerm term;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace semblance {
 namespace {
 
@@ -85,6 +87,21 @@ std::string html_head(const std::string& title) {
 std::string html_card(const std::string& figure, const std::string& label, const char* kind) {
   return fmt::format("<div class=\"card {}\"><b>{}</b><span>{}</span></div>\n", kind,
                      escape_html(figure), escape_html(label));
+}
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  static constexpr char alphabet[] =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t present = std::min<std::size_t>(3, bytes.size() - i);
+    std::uint32_t word = 0;
+    for (std::size_t k = 0; k < 3; ++k) word = word << 8 | (k < present ? bytes[i + k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k)
+      out += k <= present ? alphabet[word >> (18 - 6 * k) & 63] : '=';
+  }
+  return out;
 }
 
 }  // namespace semblance

@@ -46,21 +46,6 @@ readout.textContent=Math.max(0,time).toFixed(2)+' s · frame '+(first+Math.round
 })();
 )";
 
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-  static constexpr char alphabet[] =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t present = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t word = 0;
-    for (std::size_t k = 0; k < 3; ++k) word = word << 8 | (k < present ? bytes[i + k] : 0u);
-    for (std::size_t k = 0; k < 4; ++k)
-      out += k <= present ? alphabet[word >> (18 - 6 * k) & 63] : '=';
-  }
-  return out;
-}
-
 double quantile(std::vector<double> values, double share) {
   std::erase_if(values, [](double v) { return !std::isfinite(v); });
   if (values.empty()) return k_nan;

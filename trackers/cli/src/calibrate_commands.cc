@@ -135,6 +135,7 @@ void add_calibrate_commands(CLI::App& app, Context& context) {
   add_detect(*calibrate, context);
   add_print(*calibrate, context);
   add_calibrate_sheet_commands(*calibrate, context);
+  add_calibrate_object_command(*calibrate, context);
   add_calibrate_convert_command(*calibrate, context);
 }
 

@@ -28,6 +28,8 @@ void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
 /// `calibrate board` and `calibrate rig`.
 void add_calibrate_sheet_commands(CLI::App& calibrate, Context& context);
 
+void add_calibrate_object_command(CLI::App& calibrate, Context& context);
+
 /// A wrong name of a calibration sheet is wrong usage.
 CLI::Validator sheet_name();
 
