@@ -124,7 +124,7 @@ class ObjectScene {
                          .radiance = Eigen::Vector3f::Constant(static_cast<float>(options_.lamp))};
     const Frame frame = ray_trace(scene, camera, Channel::colour | Channel::triangle, rays);
     ObjectPicture out;
-    out.name = "picture" + std::to_string(seed);
+    out.name = std::string("picture").append(std::to_string(seed));
     out.linear = exposed(frame.colour, seed);
     if (options_.mask) out.mask = mask_of(frame);
     out.pairs = pairs(camera, camera_from_object, frame, seed);
@@ -202,7 +202,7 @@ class ObjectScene {
       if (triangle < 0 || triangle >= mesh_->triangle_count()) continue;
       const Eigen::Vector3d point = mesh_->positions_m.row(mesh_->triangles(triangle, 0));
       const Eigen::Vector2d noise(random.normal(), random.normal());
-      out.push_back({"p" + std::to_string(out.size()), point,
+      out.push_back({std::string("p").append(std::to_string(out.size())), point,
                      project(camera, pose * point) + options_.click_px * noise});
     }
     return out;

@@ -223,7 +223,8 @@ TEST(ObjectOverlay, DrawsTheOutlineWhereTheObjectIs) {
   const Trial trial = trial_of(scene, 51);
   ObjectEstimate truth;
   truth.camera = trial.camera;
-  truth.poses = {{trial.pose, {}}};
+  truth.poses.resize(1);
+  truth.poses[0].camera_from_object = trial.pose;
   const Rgb8 plain = rgb8_from_linear(trial.pictures[0].linear);
   const Rgb8 drawn = object_overlay(target, trial.pictures[0], truth, 0);
   const Image& mask = trial.pictures[0].mask;

@@ -71,7 +71,7 @@ class Page {
   }
 
   static std::string with_sigma(double value, double sigma) {
-    return sigma > 0.0 ? fmt::format("{:.6g} ± {:.2g}", value, sigma)
+    return sigma > 0.0 ? fmt::format("{:.6g} ± {:.3g}", value, sigma)
                        : fmt::format("{:.6g} kept", value);
   }
 
