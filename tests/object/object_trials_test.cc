@@ -10,7 +10,7 @@
 namespace semblance::testing {
 namespace {
 
-const int kTrials = std::getenv("TRIALS") ? std::atoi(std::getenv("TRIALS")) : 40;
+constexpr int kTrials = 30;
 
 double quantile(std::vector<double> values, double share) {
   std::sort(values.begin(), values.end());
@@ -100,33 +100,45 @@ Outcome run_trials(const ObjectScene& scene, bool known_camera, int pictures) {
 
 const ObjectSceneOptions kPlain{.textured = false};
 
-TEST(ObjectTrials, TextureKnownCamera) {
-  run_trials(ObjectScene(lump_mesh(), blotted_texture(512, 300, 0.06, 5), {}), true, 1);
+ObjectScene textured() { return {lump_mesh(), blotted_texture(512, 300, 0.06, 5), {}}; }
+
+/// Shares of the figures whose error is within one deviation, and within 1.96 of them.
+void expect_honest(const Tally& tally, double within_one, double within_two) {
+  EXPECT_GT(Tally::within(tally.z, 1.0), within_one);
+  EXPECT_GT(Tally::within(tally.z, 1.96), within_two);
 }
 
-TEST(ObjectTrials, XNoLamp) {
-  run_trials(ObjectScene(lump_mesh(), blotted_texture(512, 300, 0.06, 5), {.lamp = 0.0}), false, 1);
-}
-TEST(ObjectTrials, XNoClutter) {
-  run_trials(
-      ObjectScene(lump_mesh(), blotted_texture(512, 300, 0.06, 5), {.clutter = false, .lamp = 0.0}),
-      true, 1);
+TEST(ObjectTrials, TextureKnownCamera) {
+  const Outcome outcome = run_trials(textured(), true, 1);
+  EXPECT_LE(outcome.failures, 2);
+  EXPECT_LT(quantile(outcome.refined.turn_deg, 0.9), 0.1);
+  EXPECT_LT(quantile(outcome.refined.turn_deg, 0.5), 0.05 * quantile(outcome.pairs.turn_deg, 0.5));
+  expect_honest(outcome.refined, 0.65, 0.9);
 }
 
 TEST(ObjectTrials, TextureFocalSought) {
-  run_trials(ObjectScene(lump_mesh(), blotted_texture(512, 300, 0.06, 5), {}), false, 1);
+  const Outcome outcome = run_trials(textured(), false, 1);
+  EXPECT_LE(outcome.failures, 2);
+  EXPECT_LT(quantile(outcome.refined.turn_deg, 0.9), 0.15);
+  EXPECT_LT(quantile(outcome.refined.focal_percent, 0.9), 2.0);
+  expect_honest(outcome.refined, 0.65, 0.9);
 }
 
 TEST(ObjectTrials, OutlineKnownCamera) {
-  run_trials(ObjectScene(lump_mesh(), Image(), kPlain), true, 1);
-}
-
-TEST(ObjectTrials, OutlineFocalSought) {
-  run_trials(ObjectScene(lump_mesh(), Image(), kPlain), false, 1);
+  const Outcome outcome = run_trials(ObjectScene(lump_mesh(), Image(), kPlain), true, 1);
+  EXPECT_LE(outcome.failures, 3);
+  EXPECT_LT(quantile(outcome.refined.turn_deg, 0.5), 0.3 * quantile(outcome.pairs.turn_deg, 0.5));
+  EXPECT_LT(quantile(outcome.refined.place_mm, 0.5), 0.3 * quantile(outcome.pairs.place_mm, 0.5));
+  expect_honest(outcome.refined, 0.5, 0.85);
 }
 
 TEST(ObjectTrials, MaskFocalSoughtThreePictures) {
-  run_trials(ObjectScene(lump_mesh(), Image(), {.textured = false, .mask = true}), false, 3);
+  const Outcome outcome =
+      run_trials(ObjectScene(lump_mesh(), Image(), {.textured = false, .mask = true}), false, 3);
+  EXPECT_LE(outcome.failures, 3);
+  EXPECT_LT(quantile(outcome.refined.focal_percent, 0.5), 1.5);
+  EXPECT_LT(quantile(outcome.refined.turn_deg, 0.5), 0.2 * quantile(outcome.pairs.turn_deg, 0.5));
+  expect_honest(outcome.refined, 0.5, 0.85);
 }
 
 }  // namespace

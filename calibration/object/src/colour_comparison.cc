@@ -117,8 +117,8 @@ struct Equations {
           slope * term.jacobian.row(c).transpose() * term.basis.transpose();
     }
     if (!derivatives) return;
-    pp += term.weight * term.jacobian.transpose() * term.jacobian;
-    p += term.weight * term.jacobian.transpose() * term.residual;
+    pp += term.weight * term.jacobian.transpose().lazyProduct(term.jacobian);
+    p += term.weight * term.jacobian.transpose().lazyProduct(term.residual);
   }
 
   Eigen::LDLT<MatrixXd> light() const {
@@ -206,7 +206,7 @@ ColourComparison::Mean ColourComparison::for_each_pixel(const PictureView& view,
         term.gradient(c, 1) = observation_.gradient(4 + c, seen.pixel[i]);
       }
       const PointMotion motion = view.motion(point);
-      term.jacobian = -term.gradient * motion.by_parameters;
+      term.jacobian = -term.gradient.lazyProduct(motion.by_parameters);
       // A turn w moves the normal by w x n.
       const Eigen::Matrix3d by_normal =
           term.by_light.asDiagonal() * light.transpose() * basis_slope(normal);
@@ -254,7 +254,7 @@ ColourComparison::Scores ColourComparison::scores(const PictureView& view,
   }
   const double half_px = 0.5 * std::max(box.sizes().maxCoeff(), 1.0);
   const auto add = [&](const PixelTerm& term, const Vector3d& residual, auto p, auto l) {
-    p += term.weight * term.jacobian.transpose() * residual;
+    p += term.weight * term.jacobian.transpose().lazyProduct(residual);
     for (int c = 0; c < 3; ++c) {
       l.template segment<kBasis>(kBasis * c) +=
           term.weight * term.by_light[c] * residual[c] * term.basis;

@@ -219,27 +219,48 @@ ObjectEstimate refined_estimate(const ObjectTarget& target,
                      start.pair_sigma_px);
 }
 
-/// Counts the pairs that the refined estimate contradicts; where most of a picture's are, it has
-/// found something else.
+/// How far the pairs of a picture are from where an estimate has them.
+struct PairsAgreement {
+  double squares = 0.0;  // in deviations
+  double limit = 0.0;    // that chance hardly exceeds: the mean and four deviations of chi squared
+  int far = 0;
+};
+
+PairsAgreement agreement(const ObjectPicture& picture, const ObjectEstimate& estimate,
+                         const ObjectPose& pose, double sigma_px) {
+  PairsAgreement out;
+  for (const ObjectPair& pair : picture.pairs) {
+    const Vector3d seen = pose.camera_from_object * pair.point_m;
+    const double distance = (project(estimate.camera, seen) - pair.pixel_px).norm() / sigma_px;
+    if (!(distance <= kFarOff_sigmas)) ++out.far;
+    out.squares += distance * distance;
+  }
+  const double freedom = 2.0 * static_cast<double>(picture.pairs.size());
+  out.limit = freedom + 4.0 * std::sqrt(2.0 * freedom);
+  return out;
+}
+
+/// Pairs that agree among themselves, but not with the refined estimate, tell that it has found
+/// something else. Single ones that are far off are counted as outliers.
 void check_pairs(const std::vector<ObjectPicture>& pictures, ObjectCalibration& result) {
-  const ObjectEstimate& estimate = *result.refined;
   for (std::size_t k = 0; k < pictures.size(); ++k) {
-    int& far = result.fits[k].outlier_pairs;
-    for (const ObjectPair& pair : pictures[k].pairs) {
-      const Vector3d seen = estimate.poses[k].camera_from_object * pair.point_m;
-      const double distance_px = (project(estimate.camera, seen) - pair.pixel_px).norm();
-      if (!(distance_px <= kFarOff_sigmas * estimate.pair_sigma_px)) ++far;
+    const double sigma_px = result.from_pairs.pair_sigma_px;
+    const PairsAgreement before =
+        agreement(pictures[k], result.from_pairs, result.from_pairs.poses[k], sigma_px);
+    const PairsAgreement after =
+        agreement(pictures[k], *result.refined, result.refined->poses[k], sigma_px);
+    const auto count = static_cast<int>(pictures[k].pairs.size());
+    if (2 * after.far > count || (before.squares < before.limit && after.squares > after.limit)) {
+      throw SolverError(
+          fmt::format("{}: the comparison led away from the pairs, which are {:.1f} px off (rms) "
+                      "now; give more "
+                      "pairs or a mask of the object, or keep to the pairs",
+                      pictures[k].name, sigma_px * std::sqrt(after.squares / count)));
     }
-    if (2 * far > static_cast<int>(pictures[k].pairs.size())) {
-      throw SolverError(fmt::format(
-          "{}: the comparison led away from the pairs: {} of {} are more than {:.0f} px off; give "
-          "a mask of the object, or keep to the pairs",
-          pictures[k].name, far, pictures[k].pairs.size(),
-          kFarOff_sigmas * estimate.pair_sigma_px));
-    }
-    if (far > 0) {
+    result.fits[k].outlier_pairs = after.far;
+    if (after.far > 0) {
       result.notes.push_back(fmt::format("{}: {} of {} pairs do not fit the picture",
-                                         pictures[k].name, far, pictures[k].pairs.size()));
+                                         pictures[k].name, after.far, count));
     }
   }
 }
