@@ -13,7 +13,7 @@ using Eigen::VectorXd;
 constexpr int kCells = 8;  // to each side of the object's box in the picture
 // Of all of a picture alike, in pixels of the comparison.
 constexpr float kOutlineOffset_px = 0.25f;
-constexpr double kColourOffset_px = 0.1;
+constexpr double kColourOffset_px = 0.2;
 
 /// Which cell of the visible object's box a place is in.
 class CellGrid {
