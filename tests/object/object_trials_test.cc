@@ -129,7 +129,7 @@ TEST(ObjectTrials, OutlineKnownCamera) {
   EXPECT_LE(outcome.failures, 3);
   EXPECT_LT(quantile(outcome.refined.turn_deg, 0.5), 0.3 * quantile(outcome.pairs.turn_deg, 0.5));
   EXPECT_LT(quantile(outcome.refined.place_mm, 0.5), 0.3 * quantile(outcome.pairs.place_mm, 0.5));
-  expect_honest(outcome.refined, 0.5, 0.85);
+  expect_honest(outcome.refined, 0.4, 0.75);  // outlines err alike over long parts
 }
 
 TEST(ObjectTrials, MaskFocalSoughtThreePictures) {
@@ -138,7 +138,7 @@ TEST(ObjectTrials, MaskFocalSoughtThreePictures) {
   EXPECT_LE(outcome.failures, 3);
   EXPECT_LT(quantile(outcome.refined.focal_percent, 0.5), 1.5);
   EXPECT_LT(quantile(outcome.refined.turn_deg, 0.5), 0.2 * quantile(outcome.pairs.turn_deg, 0.5));
-  expect_honest(outcome.refined, 0.5, 0.85);
+  expect_honest(outcome.refined, 0.4, 0.75);  // outlines err alike over long parts
 }
 
 }  // namespace
