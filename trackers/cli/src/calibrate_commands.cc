@@ -138,6 +138,7 @@ void add_calibrate_commands(CLI::App& app, Context& context) {
   add_calibrate_rig_command(*calibrate, context);
   add_calibrate_markers_command(*calibrate, context);
   add_calibrate_photos_command(*calibrate, context);
+  add_calibrate_object_command(*calibrate, context);
   add_calibrate_judge_command(*calibrate, context);
   add_calibrate_convert_command(*calibrate, context);
 }

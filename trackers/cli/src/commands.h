@@ -31,6 +31,8 @@ void add_calibrate_photos_command(CLI::App& calibrate, Context& context);
 void add_calibrate_judge_command(CLI::App& calibrate, Context& context);
 void add_calibrate_markers_command(CLI::App& calibrate, Context& context);
 
+void add_calibrate_object_command(CLI::App& calibrate, Context& context);
+
 /// A wrong name of a calibration sheet is wrong usage.
 CLI::Validator sheet_name();
 

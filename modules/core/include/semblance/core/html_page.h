@@ -16,7 +16,7 @@ std::string html_head(const std::string& title);
 /// A figure with its label, for a <div class="cards">. `kind`: "good", "warn", "bad" or none.
 std::string html_card(const std::string& figure, const std::string& label, const char* kind = "");
 
-/// Bytes as text for `data:` addresses (RFC 4648).
+/// Bytes as `data:` addresses have them (RFC 4648), for pictures inside a page.
 std::string base64(const std::vector<std::uint8_t>& bytes);
 
 }  // namespace semblance
