@@ -120,6 +120,56 @@ TEST_F(CalibratePhotos, KnownPointsGiveScaleAndAxes) {
   EXPECT_THAT(summary()["frame"]["by"].get<std::string>(), HasSubstr("25 known points"));
 }
 
+// A rig of known lenses is placed by marks whose points are known to 3 cm.
+TEST_F(CalibratePhotos, KnownLensesArePlaced) {
+  MarksFile marks = drape();
+  marks.lengths.clear();
+  CameraRig lenses;
+  std::vector<Camera> truth;
+  for (int i = 0; i < 6; ++i) {
+    truth.push_back(around(i, 6, 0.0, 2.0 * std::numbers::pi, {0, 0, -0.1}));
+    lenses.cameras.push_back(Camera::centred(kWidth, kHeight, kFocal_px));
+    lenses.cameras.back().name = "lens " + std::to_string(i);
+    marks.photos[static_cast<std::size_t>(i)].camera = lenses.cameras.back().name;
+  }
+  write_rig(path("lenses.json"), lenses);
+  marks.points_sigma_m = 0.03;
+  write_marks(path("marks.json"), marks);
+  const ProgramResult result =
+      photos({"--marks", path("marks.json"), "--cameras", path("lenses.json")});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const nlohmann::json found = summary();
+  ASSERT_EQ(found["cameras"].size(), 6U);
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    const nlohmann::json& camera = found["cameras"][i];
+    EXPECT_EQ(camera["name"], "lens " + std::to_string(i));
+    const Eigen::Vector3d at = truth[i].camera_from_world.inverse().translation_m;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double sigma_m = camera["centre_sigma_m"][k];
+      EXPECT_LT(sigma_m, 0.06);  // mostly the frame's turn, as 25 points tell it
+      EXPECT_NEAR(camera["centre_m"][k], at[static_cast<Eigen::Index>(k)], 4.0 * sigma_m) << i;
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("out/camera.json")));
+
+  marks.photos[2].camera = "lens 9";
+  write_marks(path("marks.json"), marks);
+  const ProgramResult unknown =
+      photos({"--marks", path("marks.json"), "--cameras", path("lenses.json")});
+  EXPECT_EQ(unknown.exit_code, 3);
+  EXPECT_THAT(unknown.output, HasSubstr("no stored camera is named 'lens 9'"));
+}
+
+TEST_F(CalibratePhotos, TwoKnownPointsAreNoFrame) {
+  MarksFile marks = drape();
+  marks.points_sigma_m = 1e-3;
+  std::erase_if(marks.points_m, [](const auto& entry) { return entry.first > "1"; });
+  write_marks(path("marks.json"), marks);
+  const ProgramResult result = photos({"--marks", path("marks.json")});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.output, HasSubstr("the photos show 2 of the known points"));
+}
+
 TEST_F(CalibratePhotos, BadMarksAreNamed) {
   MarksFile marks = drape();
   marks.photos.resize(1);

@@ -49,7 +49,9 @@ TEST_F(Marks, ReadsAWholeFile) {
 TEST_F(Marks, ComeBackAsTheyWereWritten) {
   MarksFile marks;
   marks.photos = {{path("one.jpg"), {{"\u00e4 b", {1.0 / 3.0, 2.5}}}}, {"/far/two.jpg", {}}};
+  marks.photos[1].camera = "left";
   marks.points_m["c"] = {1.0 / 7.0, -2.0, 1e-9};
+  marks.points_sigma_m = 2e-4;
   marks.lengths = {{"c", "\u00e4 b", 0.1, 1e-5}};
   write_marks(path("marks.json"), marks);
   const MarksFile back = read_marks(path("marks.json"));
@@ -59,6 +61,21 @@ TEST_F(Marks, ComeBackAsTheyWereWritten) {
   EXPECT_EQ(back.points_m, marks.points_m);
   EXPECT_EQ(back.lengths[0].sigma_m, 1e-5);
   EXPECT_FALSE(back.axes);
+  EXPECT_EQ(back.photos[0].camera, "");
+  EXPECT_EQ(back.photos[1].camera, "left");
+  EXPECT_EQ(back.points_sigma_m, 2e-4);
+}
+
+TEST_F(Marks, HaveOneFrame) {
+  const std::string two = file_of(R"({"format":"semblance.marks/1","points_sigma_m":0.01,
+    "points":{"a":[0,1,2],"b":[3,4,5],"c":[3,4,6]},"photos":[],
+    "axes":{"origin":"a","x":"b","y":"c"}})");
+  try {
+    read_marks(two);
+    FAIL() << "two frames were taken";
+  } catch (const InvalidInput& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("are a frame already"));
+  }
 }
 
 TEST_F(Marks, SayEverythingThatIsWrong) {

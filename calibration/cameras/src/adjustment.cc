@@ -43,8 +43,10 @@ std::vector<char> beyond(const std::vector<double>& lengths, double limit) {
 }
 
 // A free point that one sighting alone counts for has no place: that sighting says nothing.
-void leave_out_lonely_points(const Survey& survey, std::vector<char>& outlier) {
+void leave_out_lonely_points(const Survey& survey, const std::vector<KnownPoint>& known,
+                             std::vector<char>& outlier) {
   std::vector<int> counts(survey.points_m.size(), 0);
+  for (const KnownPoint& point : known) ++counts[static_cast<std::size_t>(point.point)];
   for (std::size_t i = 0; i < outlier.size(); ++i) {
     counts[static_cast<std::size_t>(survey.sightings[i].point)] += outlier[i] ? 0 : 1;
   }
@@ -108,18 +110,21 @@ void solve_in_rounds(Adjustment& result, const AdjustmentOptions& options) {
     const double sigma_px = median(lengths) / kRayleighMedian;
     std::vector<char> outlier =
         beyond(lengths, std::max(*options.outlier_sigmas * sigma_px, kAlwaysGood_px));
-    if (options.points) leave_out_lonely_points(result.survey, outlier);
+    if (options.points) {
+      leave_out_lonely_points(result.survey, options.known_points, outlier);
+    }
     if (round > 0 && outlier == result.outlier) return;
     result.outlier = std::move(outlier);
     solve(result, options, std::max(sigma_px, 1e-9));
   }
 }
 
-// Less what the known lengths determine.
+// Less what known lengths and points determine.
 int free_parameters(const Adjustment& result, const AdjustmentOptions& options) {
   constexpr double any_px = 1.0;
   const AdjustmentProblem problem(result.survey, options, result.outlier, any_px, std::nullopt);
-  return problem.free_parameters() - static_cast<int>(options.lengths.size());
+  return problem.free_parameters() -
+         static_cast<int>(options.lengths.size() + 3 * options.known_points.size());
 }
 
 void add_statistics(Adjustment& result, int free_parameters) {

@@ -24,6 +24,17 @@ struct LengthResidual {
   }
 };
 
+struct PlaceResidual {
+  Eigen::Vector3d position_m;
+  double weight;
+  template <typename T>
+  bool operator()(const T* point, T* residual) const {
+    Eigen::Map<Eigen::Vector3<T>> result(residual);
+    result = weight * (Eigen::Map<const Eigen::Vector3<T>>(point) - position_m);
+    return true;
+  }
+};
+
 Eigen::SparseMatrix<double> sparse_from_crs(const ceres::CRSMatrix& crs) {
   return Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(
       crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()), crs.rows.data(),
@@ -47,6 +58,7 @@ AdjustmentProblem::AdjustmentProblem(const Survey& survey, const AdjustmentOptio
   for (const Rigid3& pose : survey.world_from_target) placements_.push_back(block_from_pose(pose));
   add_sightings(survey, outlier, cauchy_px);
   add_lengths(options.lengths, sigma_px);
+  add_known_points(options.known_points, sigma_px);
   set_freedom(options);
 }
 
@@ -75,6 +87,14 @@ void AdjustmentProblem::add_lengths(const std::vector<KnownLength>& lengths, dou
                                   new LengthResidual{known.length_m, sigma_px / known.sigma_m}),
                               nullptr, points_[static_cast<std::size_t>(known.point_a)].data(),
                               points_[static_cast<std::size_t>(known.point_b)].data());
+  }
+}
+
+void AdjustmentProblem::add_known_points(const std::vector<KnownPoint>& points, double sigma_px) {
+  for (const KnownPoint& known : points) {
+    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PlaceResidual, 3, 3>(
+                                  new PlaceResidual{known.position_m, sigma_px / known.sigma_m}),
+                              nullptr, points_[static_cast<std::size_t>(known.point)].data());
   }
 }
 

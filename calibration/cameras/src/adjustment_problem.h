@@ -21,7 +21,7 @@ namespace semblance {
 /// holds copies: `write_back` puts the estimates into the survey.
 class AdjustmentProblem {
  public:
-  /// `sigma_px`: deviation of a sighting, against which known lengths are weighed.
+  /// `sigma_px`: deviation of a sighting, against which known lengths and points are weighed.
   /// `cauchy_px`: scale of a Cauchy loss; none for plain squares.
   AdjustmentProblem(const Survey& survey, const AdjustmentOptions& options,
                     const std::vector<char>& outlier, double sigma_px,
@@ -45,6 +45,7 @@ class AdjustmentProblem {
   void add_sightings(const Survey& survey, const std::vector<char>& outlier,
                      std::optional<double> cauchy_px);
   void add_lengths(const std::vector<KnownLength>& lengths, double sigma_px);
+  void add_known_points(const std::vector<KnownPoint>& points, double sigma_px);
   void set_freedom(const AdjustmentOptions& options);
   void free_pose(PoseBlock& block, bool is_free);
   void free_intrinsics(std::vector<double>& block, const CameraFreedom& freedom);

@@ -32,16 +32,39 @@ CameraFreedom freedom_of(const PhotoOptions& options) {
   return freedom;
 }
 
-// Where no length is known, that between the first point and the one farthest from it is kept: an
-// unknown scale would leave the equations without a single solution.
+// Where nothing is known of the scale, the length between the first point and the one farthest from
+// it is kept: an unknown scale would leave the equations without a single solution.
 std::vector<KnownLength> scale_of(const Survey& survey, const PhotoOptions& options) {
-  if (!options.lengths.empty()) return options.lengths;
+  if (!options.lengths.empty() || !options.known_points.empty()) return options.lengths;
   KnownLength kept{0, 0, 0.0, 0.0};
   for (std::size_t i = 1; i < survey.points_m.size(); ++i) {
     const double length_m = (survey.points_m[i] - survey.points_m[0]).norm();
     if (length_m > kept.length_m) kept = {0, static_cast<int>(i), length_m, 1e-4 * length_m};
   }
   return {kept};
+}
+
+// What a joint adjustment of cameras and points has in common, whatever the cameras' layout.
+AdjustmentOptions joint_options(const Survey& start, const PhotoOptions& options) {
+  AdjustmentOptions all;
+  all.points = true;
+  all.lengths = scale_of(start, options);
+  all.known_points = options.known_points;
+  all.max_iterations = 300;
+  if (options.keep_outliers) all.outlier_sigmas.reset();
+  all.cancelled = options.cancelled;
+  return all;
+}
+
+PhotoCalibration solve_jointly(const Survey& start, const AdjustmentOptions& options) {
+  PhotoCalibration result;
+  result.adjustment = adjust(start, options);
+  result.survey = result.adjustment->survey;
+  result.rounds = result.adjustment->iterations;
+  result.rms_px = result.adjustment->rms_px;
+  result.converged = result.adjustment->converged;
+  result.solve_s = result.adjustment->solve_s;
+  return result;
 }
 
 AdjustmentOptions half_step(const PhotoOptions& options) {
@@ -76,15 +99,15 @@ Rigid3 rough_pose(const Camera& camera, const PhotoMarks& photo,
 // Points of which nothing is known start where the rays of the photos meet; where they do not, the
 // point's sightings are dropped.
 void place_unknown_points(Survey& survey) {
-  std::vector<Camera> cameras(survey.world_from_target.size(), survey.cameras[0]);
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    cameras[i].camera_from_world = survey.world_from_target[i];
-  }
+  std::map<std::pair<int, int>, Camera> cameras;  // in the points' frame, by camera and placement
   std::map<int, std::vector<Ray>> rays;
   for (const Sighting& sighting : survey.sightings) {
     if (survey.points_m[static_cast<std::size_t>(sighting.point)].allFinite()) continue;
-    rays[sighting.point].push_back(
-        {&cameras[static_cast<std::size_t>(sighting.placement)], sighting.pixel_px});
+    const Camera& camera = survey.cameras[static_cast<std::size_t>(sighting.camera)];
+    Camera& view = cameras.try_emplace({sighting.camera, sighting.placement}, camera).first->second;
+    view.camera_from_world = camera.camera_from_world *
+                             survey.world_from_target[static_cast<std::size_t>(sighting.placement)];
+    rays[sighting.point].push_back({&view, sighting.pixel_px});
   }
   for (const auto& [point, seen] : rays) {
     const auto place = seen.size() < 2 ? std::nullopt : point_from_rays(seen);
@@ -95,16 +118,26 @@ void place_unknown_points(Survey& survey) {
   }
 }
 
+void require_two(const std::vector<PhotoMarks>& photos) {
+  if (photos.size() >= 2) return;
+  throw InvalidInput(
+      "points in space need two photos at least, better three or more from "
+      "different sides");
+}
+
+void add_sightings(const PhotoMarks& photo, int camera, int placement, Survey& survey) {
+  for (std::size_t k = 0; k < photo.points.size(); ++k) {
+    survey.sightings.push_back(
+        {camera, placement, photo.points[k], photo.pixels_px.col(static_cast<Eigen::Index>(k))});
+  }
+}
+
 }  // namespace
 
 Survey start_from_photos(const std::vector<PhotoMarks>& photos,
                          const std::vector<Eigen::Vector3d>& rough_points_m, double focal_px,
                          const PhotoOptions& options) {
-  if (photos.size() < 2) {
-    throw InvalidInput(
-        "points in space need two photos at least, better three or more from "
-        "different sides");
-  }
+  require_two(photos);
   Survey survey;
   Camera camera = Camera::centred(photos[0].width, photos[0].height, focal_px);
   camera.camera_from_world = {};
@@ -114,11 +147,7 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
   camera.name = photos[0].name;  // for errors
   for (const PhotoMarks& photo : photos) {
     require_camera_size(camera, photo.width, photo.height, photo.name);
-    const int placement = static_cast<int>(survey.world_from_target.size());
-    for (std::size_t k = 0; k < photo.points.size(); ++k) {
-      survey.sightings.push_back(
-          {0, placement, photo.points[k], photo.pixels_px.col(static_cast<Eigen::Index>(k))});
-    }
+    add_sightings(photo, 0, static_cast<int>(survey.world_from_target.size()), survey);
     survey.world_from_target.push_back(rough_pose(camera, photo, rough_points_m));
   }
   place_unknown_points(survey);
@@ -171,6 +200,30 @@ Survey best_start_from_photos(const std::vector<PhotoMarks>& photos,
   return *best;
 }
 
+PhotoCalibration calibrate_with_lenses(const std::vector<Camera>& cameras,
+                                       const std::vector<PhotoMarks>& photos,
+                                       const std::vector<Eigen::Vector3d>& rough_points_m,
+                                       const PhotoOptions& options) {
+  require_two(photos);
+  Survey survey;
+  survey.cameras = cameras;
+  survey.world_from_target = {Rigid3{}};
+  survey.points_m = rough_points_m;
+  for (std::size_t i = 0; i < photos.size(); ++i) {
+    require_camera_size(cameras[i], photos[i].width, photos[i].height, photos[i].name);
+    add_sightings(photos[i], static_cast<int>(i), 0, survey);
+    Camera& camera = survey.cameras[i];
+    camera.camera_from_world = {};
+    camera.camera_from_world = rough_pose(camera, photos[i], rough_points_m);
+  }
+  place_unknown_points(survey);
+  AdjustmentOptions all = joint_options(survey, options);
+  all.cameras.assign(cameras.size(), CameraFreedom::pose_only());
+  if (options.known_points.empty()) all.cameras[0] = CameraFreedom::none();
+  all.placements = false;
+  return solve_jointly(survey, all);
+}
+
 Survey survey_from_colmap(const ColmapModel& model) {
   if (model.cameras.size() != 1) {
     throw InvalidInput(
@@ -214,6 +267,7 @@ PhotoCalibration calibrate_by_loop(const Survey& start, const PhotoOptions& opti
   points.placements = false;
   points.points = true;
   points.lengths = scale_of(start, options);
+  points.known_points = options.known_points;
   PhotoCalibration result;
   result.survey = start;
   // A round that gains less than this share has arrived at the noise.
@@ -233,22 +287,10 @@ PhotoCalibration calibrate_by_loop(const Survey& start, const PhotoOptions& opti
 }
 
 PhotoCalibration calibrate_jointly(const Survey& start, const PhotoOptions& options) {
-  AdjustmentOptions all;
+  AdjustmentOptions all = joint_options(start, options);
   all.cameras = {freedom_of(options)};
-  all.points = true;
-  all.kept_placement = 0;
-  all.lengths = scale_of(start, options);
-  all.max_iterations = 300;
-  if (options.keep_outliers) all.outlier_sigmas.reset();
-  all.cancelled = options.cancelled;
-  PhotoCalibration result;
-  result.adjustment = adjust(start, all);
-  result.survey = result.adjustment->survey;
-  result.rounds = result.adjustment->iterations;
-  result.rms_px = result.adjustment->rms_px;
-  result.converged = result.adjustment->converged;
-  result.solve_s = result.adjustment->solve_s;
-  return result;
+  if (options.known_points.empty()) all.kept_placement = 0;
+  return solve_jointly(start, all);
 }
 
 }  // namespace semblance

@@ -99,6 +99,17 @@ Common common_points(const Scene& scene, const std::map<std::string, Vector3d>& 
   return common;
 }
 
+SceneFrame frame_of_known_points(const Common& common, double sigma_m) {
+  SceneFrame frame;
+  frame.rms_m = rms_of({}, columns_of(common.found), columns_of(common.known));
+  frame.has_scale = frame.has_axes = true;
+  frame.text = fmt::format(
+      "{} known points, {:.3g} mm rms from where they are said to be ({:.3g} "
+      "mm a coordinate)",
+      common.known.size(), 1e3 * frame.rms_m, 1e3 * sigma_m);
+  return frame;
+}
+
 }  // namespace
 
 Similarity similarity_between(const Matrix3Xd& from, const Matrix3Xd& to, bool keep_scale) {
@@ -159,6 +170,9 @@ std::map<std::string, Vector3d> place_marks(const std::vector<Camera>& cameras,
 }
 
 SceneFrame frame_from_marks(const Scene& scene, const MarksFile& marks) {
+  if (marks.points_sigma_m) {
+    return frame_of_known_points(common_points(scene, marks.points_m), *marks.points_sigma_m);
+  }
   SceneFrame frame;
   double& scale = frame.world_from_scene.scale;
   if (!marks.lengths.empty()) scale = scale_from(scene, marks.lengths, frame);

@@ -38,6 +38,7 @@ void read_named(JsonReader& in, const char* key,
 void read_photo(JsonReader& in, std::set<std::string>& files, MarksFile::Photo& photo) {
   if (in.required("file")) in.text("file", photo.file);
   if (!files.insert(photo.file).second) in.problem("file", "is the same as of another photo");
+  in.text("camera", photo.camera);
   read_named(in, "marks", photo.marks_px);
 }
 
@@ -82,6 +83,9 @@ MarksFile parse_marks(std::string_view content, const std::string& source) {
   if (format != kFormat) in.fail("format", std::string("\"") + kFormat + "\"");
   MarksFile marks;
   read_named(in, "points", marks.points_m);
+  double points_sigma_m = 0.0;
+  in.number("points_sigma_m", points_sigma_m, 1e-9, kFarthest_m);
+  if (points_sigma_m > 0.0) marks.points_sigma_m = points_sigma_m;
   std::set<std::string> files;
   in.require("photos");
   in.list("photos", [&](JsonReader& photo, std::size_t) {
@@ -92,6 +96,9 @@ MarksFile parse_marks(std::string_view content, const std::string& source) {
   in.list("lengths", [&](JsonReader& length, std::size_t) {
     marks.lengths.push_back(read_length(length, known));
   });
+  if (marks.points_sigma_m && json.contains("axes")) {
+    in.problem("axes", "points with a deviation are a frame already");
+  }
   in.group("axes", [&](JsonReader& axes) {
     marks.axes.emplace();
     read_name(axes, "origin", known, marks.axes->origin);
@@ -119,10 +126,12 @@ void write_marks(const std::string& path, const MarksFile& marks) {
     const auto absolute = std::filesystem::absolute(photo.file);
     Json entry{{"file", absolute.lexically_proximate(folder).generic_string()},
                {"marks", Json::object()}};
+    if (!photo.camera.empty()) entry["camera"] = photo.camera;
     for (const auto& [name, pixel] : photo.marks_px) entry["marks"][name] = json_of(pixel);
     json["photos"].push_back(std::move(entry));
   }
   for (const auto& [name, point] : marks.points_m) json["points"][name] = json_of(point);
+  if (marks.points_sigma_m) json["points_sigma_m"] = *marks.points_sigma_m;
   for (const MarksFile::Length& length : marks.lengths) {
     json["lengths"].push_back({{"from", length.from},
                                {"to", length.to},

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <set>
 
@@ -20,6 +21,8 @@
 #include "semblance/core/errors.h"
 #include "semblance/io/camera_io.h"
 #include "semblance/io/image_io.h"
+#include "semblance/io/picture_size.h"
+#include "sheet_command.h"
 
 namespace semblance::cli {
 
@@ -29,7 +32,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct PhotosOptions {
-  std::vector<std::string> photos;
+  std::vector<std::string> photos, cameras;
   std::string marks, sheet, lens = "pinhole", method = "joint", folder;
   bool colmap = false, principal = false, keep_outliers = false;
 };
@@ -80,32 +83,104 @@ void compare_ways(const Survey& start, const PhotoOptions& options, const PhotoC
   tell("joint", joint);
 }
 
-Solved solve_by_marks(const PhotosOptions& options, const MarksFile& marks, Json& summary) {
-  Solved solved;
-  solved.point_names = marks.names();
-  PhotoOptions library = library_options(options);
+// The marks as the library takes them.
+struct MarkedPhotos {
+  std::vector<std::string> names;  // of the points
+  std::vector<PhotoMarks> photos;
+  std::vector<Eigen::Vector3d> rough_points_m;  // NaN where nothing is known
+  PhotoOptions options;
+};
+
+// Three known points that photos show make a frame; less of them do not.
+void require_frame(const MarkedPhotos& marked) {
+  constexpr int fewest = 3;
+  int shown = 0;
+  for (const KnownPoint& known : marked.options.known_points) {
+    shown += std::any_of(marked.photos.begin(), marked.photos.end(), [&](const PhotoMarks& photo) {
+      return std::count(photo.points.begin(), photo.points.end(), known.point) > 0;
+    });
+  }
+  if (shown >= fewest) return;
+  throw InvalidInput(
+      fmt::format("points_sigma_m: the photos show {} of the known points; {} make a frame. Leave "
+                  "it out if the points are rough",
+                  shown, fewest));
+}
+
+MarkedPhotos marked_photos(const PhotosOptions& options, const MarksFile& marks) {
+  MarkedPhotos marked;
+  marked.names = marks.names();
+  marked.photos = photos_with_marks(marks);
+  marked.options = library_options(options);
   for (const MarksFile::Length& length : marks.lengths) {
-    library.lengths.push_back({index_of(solved.point_names, length.from),
-                               index_of(solved.point_names, length.to), length.length_m,
-                               length.sigma_m});
+    marked.options.lengths.push_back({index_of(marked.names, length.from),
+                                      index_of(marked.names, length.to), length.length_m,
+                                      length.sigma_m});
   }
-  std::vector<Eigen::Vector3d> rough(
-      solved.point_names.size(),
-      Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  marked.rough_points_m.assign(marked.names.size(),
+                               Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   for (const auto& [name, point] : marks.points_m) {
-    rough[static_cast<std::size_t>(index_of(solved.point_names, name))] = point;
+    const int index = index_of(marked.names, name);
+    marked.rough_points_m[static_cast<std::size_t>(index)] = point;
+    if (!marks.points_sigma_m) continue;
+    marked.options.known_points.push_back({index, point, *marks.points_sigma_m});
   }
-  const Survey start = best_start_from_photos(photos_with_marks(marks), rough, library);
-  const std::set<int> placed = points_with_sightings(start);
+  if (marks.points_sigma_m) require_frame(marked);
+  return marked;
+}
+
+// The stored camera of each photo.
+std::vector<Camera> lenses_of_photos(const PhotosOptions& options, const MarksFile& marks,
+                                     std::vector<std::string>& notes) {
+  const std::vector<Camera> stored = given_cameras(options.cameras);
+  std::vector<Camera> cameras;
+  for (const MarksFile::Photo& photo : marks.photos) {
+    const std::string name =
+        photo.camera.empty() ? fs::path(photo.file).stem().string() : photo.camera;
+    auto found = std::find_if(stored.begin(), stored.end(),
+                              [&](const Camera& camera) { return camera.name == name; });
+    if (found == stored.end() && stored.size() == 1) found = stored.begin();
+    if (found == stored.end()) {
+      throw InvalidInput(fmt::format(
+          "{}: no stored camera is named '{}'; name it by \"camera\" beside the photo's \"file\"",
+          photo.file, name));
+    }
+    cameras.push_back(camera_for_pictures(*found, read_image_rgb8(photo.file), photo.file, notes));
+    cameras.back().name = name;
+  }
+  return cameras;
+}
+
+void finish_marks(const MarksFile& marks, Solved& solved) {
+  const std::set<int> placed = points_with_sightings(solved.calibration.survey);
   for (std::size_t i = 0; i < solved.point_names.size(); ++i) {
     if (placed.count(static_cast<int>(i)) > 0) continue;
     solved.notes.push_back(
         fmt::format("mark '{}' has no place: no two photos show it from different sides",
                     solved.point_names[i]));
   }
-  solved.calibration = calibrate_jointly(start, library);
-  if (options.method == "both") compare_ways(start, library, solved.calibration, summary);
   for (const MarksFile::Photo& photo : marks.photos) solved.photos.push_back(photo.file);
+}
+
+Solved solve_by_marks(const PhotosOptions& options, const MarksFile& marks, Json& summary) {
+  const MarkedPhotos marked = marked_photos(options, marks);
+  Solved solved;
+  solved.point_names = marked.names;
+  const Survey start = best_start_from_photos(marked.photos, marked.rough_points_m, marked.options);
+  solved.calibration = calibrate_jointly(start, marked.options);
+  if (options.method == "both") compare_ways(start, marked.options, solved.calibration, summary);
+  finish_marks(marks, solved);
+  return solved;
+}
+
+Solved solve_with_lenses(const PhotosOptions& options, const MarksFile& marks) {
+  const MarkedPhotos marked = marked_photos(options, marks);
+  Solved solved;
+  solved.point_names = marked.names;
+  const std::vector<Camera> lenses = lenses_of_photos(options, marks, solved.notes);
+  solved.calibration =
+      calibrate_with_lenses(lenses, marked.photos, marked.rough_points_m, marked.options);
+  finish_marks(marks, solved);
   return solved;
 }
 
@@ -154,7 +229,9 @@ std::vector<std::string> names_of_photos(const std::vector<std::string>& photos)
 Scene scene_of(const Solved& solved, const std::optional<MarksFile>& marks) {
   Scene scene;
   const Survey& survey = solved.calibration.survey;
-  scene.cameras = cameras_of_photos(survey, names_of_photos(solved.photos));
+  scene.cameras = survey.cameras.size() > 1
+                      ? survey.cameras
+                      : cameras_of_photos(survey, names_of_photos(solved.photos));
   if (!solved.point_names.empty()) {
     for (const int point : points_with_sightings(survey)) {
       const auto at = static_cast<std::size_t>(point);
@@ -174,11 +251,15 @@ Scene scene_of(const Solved& solved, const std::optional<MarksFile>& marks) {
   return scene;
 }
 
-SceneFrame frame_of(const Scene& scene, const Solved& solved, const std::optional<MarksFile>& marks,
-                    const std::string& sheet, Progress& progress) {
-  if (sheet.empty()) return marks ? frame_from_marks(scene, *marks) : SceneFrame{};
-  return frame_from_sheet(scene,
-                          find_sheet(solved.photos, parse_target(sheet), 0, progress).detections);
+SceneFrame frame_of(const Scene& scene, const Solved& solved, std::optional<MarksFile> marks,
+                    const PhotosOptions& options, Progress& progress) {
+  if (!options.sheet.empty()) {
+    const Target target = parse_target(options.sheet);
+    return frame_from_sheet(scene, find_sheet(solved.photos, target, 0, progress).detections);
+  }
+  if (!marks) return {};
+  if (options.colmap) marks->points_sigma_m.reset();  // its solve knew nothing of the points
+  return frame_from_marks(scene, *marks);
 }
 
 void note_frame(const SceneFrame& frame, std::vector<std::string>& notes) {
@@ -198,7 +279,8 @@ CalibrationReport report_of(const PhotosOptions& options, const Solved& solved) 
   report.title = fs::path(options.folder).filename().string();
   report.target = options.colmap ? "what the photos show, by COLMAP" : "marks in photos";
   for (const Sighting& sighting : solved.calibration.survey.sightings) {
-    report.sighting_names.push_back(solved.photos[static_cast<std::size_t>(sighting.placement)]);
+    const int photo = std::max(sighting.camera, sighting.placement);  // one of them is zero
+    report.sighting_names.push_back(solved.photos[static_cast<std::size_t>(photo)]);
   }
   report.notes = solved.notes;
   return report;
@@ -212,28 +294,65 @@ void write_points(const std::string& path, const Scene& scene,
   write_marks(path, placed);
 }
 
+// Of cameras with known lenses: where each one is.
+Json json_of_places(const Adjustment& adjustment, const Verdict& verdict) {
+  Json list = Json::array();
+  for (std::size_t i = 0; i < adjustment.survey.cameras.size(); ++i) {
+    const Camera& camera = adjustment.survey.cameras[i];
+    Json json = json_of(adjustment, verdict, i);
+    const Eigen::Vector3d at = camera.camera_from_world.inverse().translation_m;
+    json["centre_m"] = {at.x(), at.y(), at.z()};
+    fmt::print("{}: at {:.3f} {:.3f} {:.3f} m", camera.name, at.x(), at.y(), at.z());
+    if (adjustment.covariance) {
+      const CameraUncertainty& known = adjustment.covariance->cameras[i];
+      const Eigen::Vector3d sigma = centre_covariance(camera, known).diagonal().cwiseSqrt();
+      const double turn = std::sqrt(known.pose.topLeftCorner<3, 3>().trace());
+      json["centre_sigma_m"] = {sigma.x(), sigma.y(), sigma.z()};
+      json["turn_sigma_rad"] = turn;
+      fmt::print(", deviations {:.1f} {:.1f} {:.1f} mm, direction {:.2f} degrees", 1e3 * sigma.x(),
+                 1e3 * sigma.y(), 1e3 * sigma.z(), turn * 180.0 / std::numbers::pi);
+    }
+    fmt::print("\n");
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
 void run_photos(const Context& context, const PhotosOptions& options) {
   const auto progress = console_progress();
   std::optional<MarksFile> marks;
   if (!options.marks.empty()) marks = read_marks(options.marks);
   prepare_output_folder(options.folder);
   Json summary{{"method", options.colmap ? "colmap" : options.method}, {"lens", options.lens}};
-  const Solved solved = options.colmap ? solve_by_colmap(options, *progress)
-                                       : solve_by_marks(options, *marks, summary);
+  const Solved solved = options.colmap            ? solve_by_colmap(options, *progress)
+                        : options.cameras.empty() ? solve_by_marks(options, *marks, summary)
+                                                  : solve_with_lenses(options, *marks);
   Scene scene = scene_of(solved, marks);
-  const SceneFrame frame = frame_of(scene, solved, marks, options.sheet, *progress);
+  const SceneFrame frame = frame_of(scene, solved, marks, options, *progress);
   move_scene(scene, frame.world_from_scene);
 
   const fs::path folder(options.folder);
   const Adjustment& adjustment = *solved.calibration.adjustment;
-  write_camera((folder / "camera.json").string(), adjustment.survey.cameras[0]);
+  const bool one_camera = options.cameras.empty();
+  if (one_camera) write_camera((folder / "camera.json").string(), adjustment.survey.cameras[0]);
   write_rig((folder / "rig.json").string(), {scene.cameras});
   if (!scene.points_m.empty()) write_points((folder / "points.json").string(), scene, marks);
   CalibrationReport report = report_of(options, solved);
   note_frame(frame, report.notes);
+  if (!one_camera && !marks->points_sigma_m) {
+    report.notes.push_back(
+        fmt::format("places and deviations in the report are in the frame of '{}', because the "
+                    "points have no points_sigma_m; rig.json is in the frame asked for",
+                    scene.cameras[0].name));
+  }
   const Verdict verdict = finish_calibration(options.folder, adjustment, report, *progress);
 
-  summary.update(json_of(adjustment, verdict, 0));
+  if (one_camera) {
+    summary.update(json_of(adjustment, verdict, 0));
+  } else {
+    summary["rms_px"] = adjustment.rms_px;
+    summary["cameras"] = json_of_places(adjustment, verdict);
+  }
   summary["rms_all_px"] = adjustment.rms_all_px;
   summary["photos"] = solved.photos.size();
   summary["iterations"] = solved.calibration.rounds;
@@ -244,27 +363,34 @@ void run_photos(const Context& context, const PhotosOptions& options) {
   }
   add_warnings(verdict, report, summary);
   write_summary(context, summary.dump(1));
-  fmt::print("results in {}: camera.json rig.json report.html{}\n", options.folder,
-             scene.points_m.empty() ? "" : " points.json");
+  fmt::print("results in {}: {}rig.json report.html{}\n", options.folder,
+             one_camera ? "camera.json " : "", scene.points_m.empty() ? "" : " points.json");
 }
 
 }  // namespace
 
 void add_calibrate_photos_command(CLI::App& calibrate, Context& context) {
   CLI::App* photos = calibrate.add_subcommand(
-      "photos", "One camera's photos, from anywhere, of marks or (--colmap) of anything");
+      "photos",
+      "One camera's photos, from anywhere, of marks or (--colmap) of anything; or (--cameras) the "
+      "places of cameras whose lenses are known");
   auto options = std::make_shared<PhotosOptions>();
   auto* files =
       photos->add_option("photos", options->photos, "(--colmap) Pictures, at least three");
   photos->add_option("--marks", options->marks,
                      "Marks in the photos, rough or known points, lengths and axes "
                      "(docs/formats/marks.md)");
-  photos->add_flag("--colmap", options->colmap,
-                   "Find the cameras by the program colmap; marks then give scale and axes");
+  CLI::Option* colmap =
+      photos->add_flag("--colmap", options->colmap,
+                       "Find the cameras by the program colmap; marks then give scale and axes");
   photos
       ->add_option("--sheet", options->sheet,
                    "A sheet in two photos or more gives scale and axes (as for `detect`)")
       ->check(sheet_name());
+  CLI::Option* cameras = photos->add_option(
+      "--cameras", options->cameras,
+      "Files of known cameras, in any of the formats of `calibrate convert`: each photo is by the "
+      "one of its name; lenses stay as they are, places are sought");
   photos->add_option("--lens", options->lens, "Lens of the camera")
       ->check(CLI::IsMember(lens_names()))
       ->capture_default_str();
@@ -274,11 +400,14 @@ void add_calibrate_photos_command(CLI::App& calibrate, Context& context) {
                    "for comparison")
       ->check(CLI::IsMember({"joint", "both"}))
       ->capture_default_str();
-  photos->add_flag("--principal", options->principal,
-                   "Seek the principal point; otherwise it is the middle of the picture");
+  photos
+      ->add_flag("--principal", options->principal,
+                 "Seek the principal point; otherwise it is the middle of the picture")
+      ->excludes(cameras);
   photos->add_flag("--keep-outliers", options->keep_outliers,
                    "Plain least squares: every mark counts");
   photos->add_option("-o,--output", options->folder, "Folder for the results")->required();
+  colmap->excludes(cameras);
   photos->callback([&context, options, files] {
     if (options->colmap != (files->count() > 0)) {
       throw CLI::ValidationError("photos",

@@ -30,6 +30,13 @@ struct KnownLength {
   double length_m = 1.0, sigma_m = 1e-4;
 };
 
+/// A point whose place in the target's frame is known, with the deviation of each coordinate.
+struct KnownPoint {
+  int point = 0;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  double sigma_m = 1e-3;
+};
+
 struct AdjustmentOptions {
   std::vector<CameraFreedom> cameras;  // one per camera
   bool placements = true;
@@ -37,6 +44,7 @@ struct AdjustmentOptions {
   bool points = false;
   bool warp = false;
   std::vector<KnownLength> lengths;
+  std::vector<KnownPoint> known_points;  // with `points`; three of them make a frame
   /// Sightings further off than this many deviations of the whole are outliers: named, left out.
   /// None keeps every sighting.
   std::optional<double> outlier_sigmas = 4.5;

@@ -23,6 +23,8 @@ struct PhotoMarks {
 struct PhotoOptions {
   /// Length by which the result is scaled; without one, the scale is that of the start.
   std::vector<KnownLength> lengths;
+  /// Three or more make the frame; without them it is that of the first photo.
+  std::vector<KnownPoint> known_points;
   Lens lens = Lens::pinhole;
   bool principal = false;  // sought; otherwise the middle of the picture
   int most_rounds = 2000;  // of the loop
@@ -32,7 +34,8 @@ struct PhotoOptions {
 
 struct PhotoCalibration {
   /// One camera at the origin of its own frame (x right, y down, z forward), a placement of the
-  /// points per photo. Photos taken by one camera at one zoom share what they say of it.
+  /// points per photo. Photos taken by one camera at one zoom share what they say of it. Of
+  /// calibrate_with_lenses: a camera per photo, and the points where they are.
   Survey survey;
   int rounds = 0;  // of the loop, or iterations of the joint adjustment
   double rms_px = 0.0;
@@ -58,6 +61,14 @@ std::vector<PhotoMarks> photos_with_marks(const MarksFile& marks);
 Survey best_start_from_photos(const std::vector<PhotoMarks>& photos,
                               const std::vector<Eigen::Vector3d>& rough_points_m,
                               const PhotoOptions& options);
+
+/// Photos by cameras whose lenses are known, one camera per photo: their places and the points'
+/// (bundle adjustment), with outliers and covariance. The start is as for start_from_photos, and
+/// so are the errors. Without `known_points` the frame is that of the first camera.
+PhotoCalibration calibrate_with_lenses(const std::vector<Camera>& cameras,
+                                       const std::vector<PhotoMarks>& photos,
+                                       const std::vector<Eigen::Vector3d>& rough_points_m,
+                                       const PhotoOptions& options);
 
 /// A model of COLMAP's whose images are of one camera, as a survey to adjust further: a placement
 /// per image, in the order of their numbers. Throws InvalidInput for several cameras.

@@ -52,7 +52,8 @@ struct SceneFrame {
 };
 
 /// By what the file knows: its axes and lengths, or else three known points or more. Without any of
-/// them nothing moves. Throws InvalidInput naming points that are needed but that the photos do not
+/// them nothing moves, nor where the points have deviations: the solve then was in their frame.
+/// Throws InvalidInput naming points that are needed but that the photos do not
 /// place, and axes on a line.
 SceneFrame frame_from_marks(const Scene& scene, const MarksFile& marks);
 

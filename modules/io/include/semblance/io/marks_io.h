@@ -15,6 +15,7 @@ struct MarksFile {
   struct Photo {
     std::string file;  // as found from here: relative names start at the marks file's folder
     std::map<std::string, Eigen::Vector2d> marks_px;
+    std::string camera = {};  // its name; empty: that of the file, without its ending
   };
   struct Length {
     std::string from, to;
@@ -28,6 +29,8 @@ struct MarksFile {
 
   std::vector<Photo> photos;
   std::map<std::string, Eigen::Vector3d> points_m;  // where they are known, roughly or exactly
+  /// Deviation of each coordinate of those points, which then are the frame; none: only roughly.
+  std::optional<double> points_sigma_m;
   std::vector<Length> lengths;
   std::optional<Axes> axes;
 
@@ -36,7 +39,7 @@ struct MarksFile {
 };
 
 /// Throws InvalidInput that lists every problem with file and key: figures that are not finite,
-/// lengths and axes of names that are nowhere, a photo listed twice.
+/// lengths and axes of names that are nowhere, a photo listed twice, two frames.
 MarksFile read_marks(const std::string& path);
 void write_marks(const std::string& path, const MarksFile& marks);
 
