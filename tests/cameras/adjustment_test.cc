@@ -212,6 +212,37 @@ TEST(Adjustment, ErrorsAreAsLargeAsItsCovarianceSays) {
   }
 }
 
+TEST(Adjustment, SightingsCountByTheirSpread) {
+  // Every other sighting is five times as uncertain as its neighbours.
+  constexpr int sheets = 100;
+  double honest = 0.0, weighed = 0.0, alike = 0.0;
+  for (int sheet = 0; sheet < sheets; ++sheet) {
+    Random random(static_cast<std::uint64_t>(3000 + sheet));
+    Survey truth = sheet_survey(random, Lens::pinhole, 6);
+    add_sightings(truth, random, 0.0);
+    for (std::size_t i = 0; i < truth.sightings.size(); ++i) {
+      Sighting& sighting = truth.sightings[i];
+      sighting.spread = i % 2 == 0 ? 1.0 : 5.0;
+      sighting.pixel_px +=
+          0.2 * sighting.spread * Eigen::Vector2d(random.normal(), random.normal());
+    }
+    AdjustmentOptions options = one_camera();
+    const Adjustment found = adjust(truth, options);
+    const double focal_px = truth.cameras[0].focal_px.x();
+    const double error = found.survey.cameras[0].focal_px.x() - focal_px;
+    honest += error * error / found.covariance->cameras[0].intrinsics(0, 0);
+    weighed += error * error;
+    EXPECT_NEAR(found.sigma_px, 0.2, 0.03);
+    for (Sighting& sighting : truth.sightings) sighting.spread = 1.0;
+    options.outlier_sigmas.reset();
+    const double plain = adjust(truth, options).survey.cameras[0].focal_px.x() - focal_px;
+    alike += plain * plain;
+  }
+  EXPECT_NEAR(honest / sheets, 1.0, 0.45);  // three deviations of a mean of 100 squares
+  // By theory: 13 / (2 / (1 + 1 / 25)) = 6.8 times the variance.
+  EXPECT_GT(alike, 3.5 * weighed);
+}
+
 TEST(Adjustment, RefusesWhatItCannotUse) {
   Random random(16);
   Survey survey = sheet_survey(random, Lens::pinhole, 2);
@@ -222,6 +253,9 @@ TEST(Adjustment, RefusesWhatItCannotUse) {
   survey.sightings[3].pixel_px.x() = std::nan("");
   EXPECT_THROW(adjust(survey, one_camera()), InvalidInput);
   survey.sightings[3].pixel_px.x() = 3.0;
+  survey.sightings[3].spread = 0.0;
+  EXPECT_THROW(adjust(survey, one_camera()), InvalidInput);
+  survey.sightings[3].spread = 1.0;
   survey.world_from_target[1].translation_m.z() = -5.0;
   AdjustmentOptions keep_all = one_camera();
   keep_all.outlier_sigmas.reset();

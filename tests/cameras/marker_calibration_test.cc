@@ -4,12 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
-#include <cstdlib>
 #include <map>
 
 #include "dot_naming.h"
-#include "painted_dots.h"
+#include "marker_scene.h"
 #include "semblance/cameras/dot_tracks.h"
 #include "semblance/core/errors.h"
 #include "three_point_pose.h"
@@ -19,12 +17,17 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using testing::DotPaint;
+using testing::add_picture;
+using testing::clip;
 using testing::dotted_head;
 using testing::DottedObject;
+using testing::focal_sigma;
 using ::testing::HasSubstr;
-using testing::paint_dots;
+using testing::photos;
+using testing::Scene;
+using testing::scene_camera;
 using testing::view_of;
+using testing::wrong_names;
 
 TEST(ThreePointPose, HoldsTheTruth) {
   Random random(3);
@@ -49,91 +52,6 @@ TEST(ThreePointPose, HoldsTheTruth) {
     }
     EXPECT_LT(least, 1e-3) << trial;
   }
-}
-
-/// A head with dots before a camera, and what was painted.
-struct Scene {
-  DottedObject object;
-  Camera camera;
-  std::vector<Rigid3> poses;  // per picture
-  std::vector<MarkerPicture> pictures;
-
-  /// The disc that a dot shows; -1 for none.
-  int disc_of(int picture, int dot) const {
-    const auto at = static_cast<std::size_t>(picture);
-    return testing::disc_at(object, camera, poses[at],
-                            pictures[at].dots[static_cast<std::size_t>(dot)].centre_px);
-  }
-};
-
-Camera scene_camera(Random& random, Lens lens) {
-  Camera camera = Camera::centred(640, 480, random.uniform(600.0, 950.0));
-  camera.camera_from_world = {};
-  camera.lens = lens;
-  if (lens == Lens::brown2) camera.distortion = {-0.12, 0.05};
-  return camera;
-}
-
-void add_picture(Scene& scene, const Rigid3& pose, bool follows, const DotPaint& paint,
-                 std::uint64_t seed) {
-  MarkerPicture picture;
-  picture.instant = static_cast<int>(scene.pictures.size());
-  picture.name = "picture" + std::to_string(picture.instant);
-  picture.width = scene.camera.width;
-  picture.height = scene.camera.height;
-  picture.follows = follows;
-  picture.dots = find_dots(paint_dots(scene.camera, scene.object, pose, paint, seed));
-  scene.poses.push_back(pose);
-  scene.pictures.push_back(std::move(picture));
-}
-
-/// Single photos from all sides.
-Scene photos(std::uint64_t seed, int count = 6, Lens lens = Lens::pinhole) {
-  Random random(seed);
-  Scene scene;
-  scene.object = dotted_head(random, 40);
-  scene.camera = scene_camera(random, lens);
-  for (int i = 0; i < count; ++i) {
-    const double z = scene.camera.focal_px.x() / 640.0 * random.uniform(0.28, 0.38);
-    const Rigid3 pose =
-        view_of({random.uniform(-0.6, 0.6), random.uniform(-3.0, 3.0), random.uniform(-0.3, 0.3)},
-                {random.uniform(-0.05, 0.05), random.uniform(-0.03, 0.03), z});
-    add_picture(scene, pose, false, {}, 1000 * seed + static_cast<std::uint64_t>(i));
-  }
-  return scene;
-}
-
-/// A clip in which the head turns to and fro.
-Scene clip(std::uint64_t seed, int frames = 40) {
-  Random random(seed);
-  Scene scene;
-  scene.object = dotted_head(random, 40);
-  scene.camera = scene_camera(random, Lens::pinhole);
-  const double z = scene.camera.focal_px.x() / 640.0 * 0.33;
-  const double phase = random.uniform(0.0, 6.0), start = random.uniform(-3.0, 3.0);
-  for (int i = 0; i < frames; ++i) {
-    const double t = 2.0 * std::numbers::pi * i / frames;
-    const Rigid3 pose =
-        view_of({0.45 * std::sin(t + phase), start + 0.6 * std::sin(t), 0.0},
-                {0.03 * std::sin(t), 0.02 * std::cos(t), z * (1.0 + 0.1 * std::cos(t))});
-    add_picture(scene, pose, i > 0, {}, 1000 * seed + static_cast<std::uint64_t>(i));
-  }
-  return scene;
-}
-
-double focal_sigma(const MarkerCalibration& found) {
-  return std::sqrt(found.adjustment.covariance->cameras[0].intrinsics(0, 0));
-}
-
-/// Sightings whose point is not the disc that was painted there.
-int wrong_names(const Scene& scene, const MarkerCalibration& found) {
-  int wrong = 0;
-  for (std::size_t i = 0; i < found.adjustment.survey.sightings.size(); ++i) {
-    const auto point = static_cast<std::size_t>(found.adjustment.survey.sightings[i].point);
-    const int disc = scene.disc_of(found.picture_of_sighting[i], found.dot_of_sighting[i]);
-    wrong += found.points[point].name != testing::DottedObject::name_of(disc);
-  }
-  return wrong;
 }
 
 TEST(KnownMarkers, NamesAndFocalLength) {
@@ -371,77 +289,6 @@ TEST(UnknownMarkers, WhatIsMissingIsNamed) {
   EXPECT_NE(solve(still, {}), "no error");
   pictures[3].width = 320;
   EXPECT_THAT(solve(pictures, {}), HasSubstr("320 x 480"));
-}
-
-// Random scenes; SEMBLANCE_STUDY says how many. Prints one line each.
-TEST(MarkerStudy, DISABLED_Known) {
-  const char* count = std::getenv("SEMBLANCE_STUDY");
-  for (int seed = 100; seed < 100 + (count ? std::atoi(count) : 50); ++seed) {
-    const Scene scene = photos(static_cast<std::uint64_t>(seed));
-    for (const bool with_faces : {true, false}) {
-      const auto start = std::chrono::steady_clock::now();
-      std::string text;
-      try {
-        const MarkerCalibration found = calibrate_known_markers(
-            scene.pictures, {"camera"}, scene.object.points(with_faces), {});
-        const double focal = found.adjustment.survey.cameras[0].focal_px.x();
-        char line[200];
-        std::snprintf(
-            line, sizeof line,
-            "views %zu sightings %zu wrong %d outliers %td rms %.4f focal %.2f of %.2f "
-            "sigma %.3f nerr %.2f",
-            found.adjustment.survey.world_from_target.size(),
-            found.adjustment.survey.sightings.size(), wrong_names(scene, found),
-            std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
-            found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
-            (focal - scene.camera.focal_px.x()) / focal_sigma(found));
-        text = line;
-      } catch (const std::exception& error) {
-        text = std::string("FAILED ") + error.what();
-      }
-      std::printf("known %d faces %d %.2f s %s\n", seed, with_faces,
-                  std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
-                  text.c_str());
-      std::fflush(stdout);
-    }
-  }
-}
-
-TEST(MarkerStudy, DISABLED_Unknown) {
-  const char* count = std::getenv("SEMBLANCE_STUDY");
-  for (int seed = 100; seed < 100 + (count ? std::atoi(count) : 50); ++seed) {
-    const Scene scene = clip(static_cast<std::uint64_t>(seed));
-    const auto start = std::chrono::steady_clock::now();
-    std::string text;
-    try {
-      const MarkerCalibration found = calibrate_unknown_markers(scene.pictures, "camera", {});
-      const double focal = found.adjustment.survey.cameras[0].focal_px.x();
-      std::map<int, std::map<int, int>> discs_of_point;
-      for (std::size_t i = 0; i < found.adjustment.survey.sightings.size(); ++i) {
-        ++discs_of_point[found.adjustment.survey.sightings[i].point]
-                        [scene.disc_of(found.picture_of_sighting[i], found.dot_of_sighting[i])];
-      }
-      int mixed = 0;
-      for (const auto& [point, discs] : discs_of_point) mixed += discs.size() > 1;
-      char line[200];
-      std::snprintf(
-          line, sizeof line,
-          "views %zu points %zu sightings %zu mixed %d outliers %td rms %.4f focal %.2f of "
-          "%.2f sigma %.3f nerr %.2f",
-          found.adjustment.survey.world_from_target.size(), found.points.size(),
-          found.adjustment.survey.sightings.size(), mixed,
-          std::count(found.adjustment.outlier.begin(), found.adjustment.outlier.end(), 1),
-          found.adjustment.rms_px, focal, scene.camera.focal_px.x(), focal_sigma(found),
-          (focal - scene.camera.focal_px.x()) / focal_sigma(found));
-      text = line;
-    } catch (const std::exception& error) {
-      text = std::string("FAILED ") + error.what();
-    }
-    std::printf("unknown %d %.2f s %s\n", seed,
-                std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
-                text.c_str());
-    std::fflush(stdout);
-  }
 }
 
 }  // namespace

@@ -62,6 +62,7 @@ TEST_P(ReprojectionOf, HasTheDerivativesOfDifferences) {
     Sighting sighting;
     sighting.pixel_px = {300.0, 200.0};
     sighting.velocity_px_s = {30.0, -20.0};
+    sighting.spread = 1.7;
     const Eigen::Vector3d shape(0.3, 0.7, -0.2);
     const Reprojection cost(lens, sighting, shape);
 
@@ -95,6 +96,7 @@ TEST(Reprojection, IsTheSurveysResidual) {
   sighting.point = 2;
   sighting.pixel_px = {320.0, 200.0};
   sighting.velocity_px_s = {-12.0, 7.0};
+  sighting.spread = 2.5;
   survey.sightings = {sighting};
 
   const Reprojection cost(Lens::pinhole, sighting,
@@ -107,7 +109,7 @@ TEST(Reprojection, IsTheSurveysResidual) {
                             survey.warp_m.data(), survey.time_offset_s.data()};
   Eigen::Vector2d residual;
   ASSERT_TRUE(cost.Evaluate(blocks, residual.data(), nullptr));
-  EXPECT_LT((residual - residual_px(survey, sighting)).norm(), 1e-12);
+  EXPECT_LT((2.5 * residual - residual_px(survey, sighting)).norm(), 1e-12);
 }
 
 TEST(Reprojection, RefusesAPointBehindTheCamera) {

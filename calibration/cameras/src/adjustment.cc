@@ -20,11 +20,12 @@ constexpr double kRayleighMedian = 1.17741002251547;
 constexpr double kAlwaysGood_px = 0.01;
 constexpr int kMostRounds = 6;
 
+// In pixels of ordinary sightings.
 std::vector<double> error_lengths(const Survey& survey) {
   std::vector<double> lengths;
   lengths.reserve(survey.sightings.size());
   for (const Sighting& sighting : survey.sightings) {
-    lengths.push_back(residual_px(survey, sighting).norm());
+    lengths.push_back(residual_px(survey, sighting).norm() / sighting.spread);
   }
   return lengths;
 }
@@ -128,18 +129,20 @@ int free_parameters(const Adjustment& result, const AdjustmentOptions& options) 
 }
 
 void add_statistics(Adjustment& result, int free_parameters) {
-  double all = 0.0, kept = 0.0;
+  double all = 0.0, kept = 0.0, weighted = 0.0;
   int count = 0;
   const std::vector<double> lengths = error_lengths(result.survey);
   for (std::size_t i = 0; i < lengths.size(); ++i) {
-    all += lengths[i] * lengths[i];
+    const double length_px = lengths[i] * result.survey.sightings[i].spread;
+    all += length_px * length_px;
     if (result.outlier[i]) continue;
-    kept += lengths[i] * lengths[i];
+    kept += length_px * length_px;
+    weighted += lengths[i] * lengths[i];
     ++count;
   }
   result.rms_all_px = std::sqrt(all / static_cast<double>(lengths.size()));
   result.rms_px = std::sqrt(kept / std::max(count, 1));
-  result.sigma_px = std::sqrt(kept / std::max(2 * count - free_parameters, 1));
+  result.sigma_px = std::sqrt(weighted / std::max(2 * count - free_parameters, 1));
 }
 
 }  // namespace

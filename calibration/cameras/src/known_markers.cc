@@ -350,8 +350,11 @@ class KnownSolver {
     const MarkerPicture& picture = pictures_[static_cast<std::size_t>(index)];
     for (std::size_t j = 0; j < point_of_dot.size(); ++j) {
       if (point_of_dot[j] < 0) continue;
-      const Sighting sighting{picture.camera, placement_of_.at(picture.instant), point_of_dot[j],
-                              picture.dots[j].centre_px};
+      const Sighting sighting{.camera = picture.camera,
+                              .placement = placement_of_.at(picture.instant),
+                              .point = point_of_dot[j],
+                              .pixel_px = picture.dots[j].centre_px,
+                              .spread = spread_of(picture.dots[j])};
       if (!residual_px(survey_, sighting).allFinite()) continue;
       survey_.sightings.push_back(sighting);
       measured_px_.push_back(sighting.pixel_px);

@@ -105,14 +105,45 @@ FittedFace fit_face(const Vector3d& start, double start_radius,
     if (!(cost < best.cost)) break;
     best = {next, cost};
   }
+  // Both signs fit alike; dots are seen from outside.
+  Vector3d towards = Vector3d::Zero();
+  for (const FaceView& view : views) towards += view.towards;
+  if (best.face.normal.dot(towards) < 0.0) best.face.normal = -best.face.normal;
   return best;
 }
 
-std::optional<DotFace> face_from_views(const Vector3d& centre_m,
-                                       const std::vector<SeenFace>& seen) {
-  constexpr std::size_t fewest = 2, most_starts = 5;
+/// Across what the nearest points say of the surface there, of either sign. None where they are
+/// nearly in a line.
+std::optional<Vector3d> normal_from_neighbours(const std::vector<Vector3d>& points_m,
+                                               std::size_t index) {
+  constexpr std::size_t neighbours = 7;  // itself among them
+  constexpr double flat = 0.5;           // share of the spread across in that along
+  if (points_m.size() < neighbours) return std::nullopt;
+  std::vector<Vector3d> nearest = points_m;
+  const Vector3d centre = points_m[index];
+  std::nth_element(nearest.begin(), nearest.begin() + neighbours, nearest.end(),
+                   [&](const Vector3d& a, const Vector3d& b) {
+                     return (a - centre).squaredNorm() < (b - centre).squaredNorm();
+                   });
+  nearest.resize(neighbours);
+  Vector3d mean = Vector3d::Zero();
+  for (const Vector3d& point : nearest) mean += point / static_cast<double>(neighbours);
+  Matrix3d spread = Matrix3d::Zero();
+  for (const Vector3d& point : nearest) spread += (point - mean) * (point - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(spread);
+  const Vector3d sizes = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  if (sizes[0] > flat * sizes[1]) return std::nullopt;
+  return solver.eigenvectors().col(0);
+}
+
+/// `surface`: across the surface as the points around say it. It tells apart what the ellipses
+/// leave open: a single view always fits two normals.
+std::optional<DotFace> face_from_views(const Vector3d& centre_m, const std::vector<SeenFace>& seen,
+                                       const std::optional<Vector3d>& surface) {
+  constexpr std::size_t most_starts = 5;
   constexpr double clearly_worse = 4.0, alike = 0.98;  // cosine
-  if (seen.size() < fewest) return std::nullopt;
+  constexpr double clearly_nearer = 0.05;
+  if (seen.empty()) return std::nullopt;
   std::vector<FaceView> views;
   for (const SeenFace& one : seen) views.push_back(face_view(centre_m, one));
   std::vector<FittedFace> fits;
@@ -128,12 +159,19 @@ std::optional<DotFace> face_from_views(const Vector3d& centre_m,
   const FittedFace best =
       *std::min_element(fits.begin(), fits.end(),
                         [](const FittedFace& a, const FittedFace& b) { return a.cost < b.cost; });
-  for (const FittedFace& rival : fits) {
-    if (rival.face.normal.dot(best.face.normal) < alike && rival.cost < clearly_worse * best.cost) {
-      return std::nullopt;
-    }
+  const FittedFace* rival = nullptr;
+  for (const FittedFace& other : fits) {
+    if (other.face.normal.dot(best.face.normal) > alike) continue;
+    if (rival == nullptr || other.cost < rival->cost) rival = &other;
   }
-  return best.face;
+  const bool open =
+      seen.size() == 1 || (rival != nullptr && rival->cost < clearly_worse * best.cost);
+  if (!open || rival == nullptr) return best.face;
+  if (!surface) return std::nullopt;
+  const double gain =
+      std::abs(best.face.normal.dot(*surface)) - std::abs(rival->face.normal.dot(*surface));
+  if (std::abs(gain) < clearly_nearer) return std::nullopt;
+  return gain > 0.0 ? best.face : rival->face;
 }
 
 }  // namespace
@@ -185,10 +223,13 @@ std::vector<std::optional<DotFace>> faces_from_views(const Adjustment& adjustmen
   }
   std::vector<std::optional<DotFace>> faces;
   for (std::size_t k = 0; k < seen.size(); ++k) {
-    faces.push_back(face_from_views(survey.points_m[k], seen[k]));
+    faces.push_back(
+        face_from_views(survey.points_m[k], seen[k], normal_from_neighbours(survey.points_m, k)));
   }
   return faces;
 }
+
+double spread_of(const Dot& dot) { return dot.major_px / dot.minor_px; }
 
 Eigen::Matrix2Xd centres_px(const std::vector<Dot>& dots) {
   Eigen::Matrix2Xd result(2, static_cast<Eigen::Index>(dots.size()));

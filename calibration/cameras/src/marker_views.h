@@ -30,6 +30,10 @@ void correct_for_perspective(Survey& survey, const std::vector<Eigen::Vector2d>&
 std::vector<std::optional<DotFace>> faces_from_views(const Adjustment& adjustment,
                                                      const std::vector<const Dot*>& dots);
 
+/// Spread of a dot's sighting: centres of thin ellipses are less certain, in proportion to how thin
+/// they are (painted dots: 0.011 px facing the camera, 0.047 at 80 degrees).
+double spread_of(const Dot& dot);
+
 Eigen::Matrix2Xd centres_px(const std::vector<Dot>& dots);
 
 }  // namespace semblance

@@ -102,6 +102,7 @@ Reprojection::Reprojection(Lens lens, const Sighting& sighting, const Vector3d& 
     : lens_(lens),
       pixel_px_(sighting.pixel_px),
       velocity_px_s_(sighting.velocity_px_s),
+      weight_(1.0 / sighting.spread),
       warp_shape_(warp_shape) {
   set_num_residuals(2);
   *mutable_parameter_block_sizes() = {kFixedIntrinsics + coefficient_count(lens), 7, 7, 3, 3, 1};
@@ -128,8 +129,8 @@ bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
   const Vector2d focal(intrinsics[0], intrinsics[0] * intrinsics[1]);
   // A clock that is off shows the point where it was at another time.
   Map<Vector2d> residual(residuals);
-  residual = focal.cwiseProduct(lens.point) + Vector2d(intrinsics[2], intrinsics[3]) - pixel_px_ +
-             parameters[block_offset][0] * velocity_px_s_;
+  residual = weight_ * (focal.cwiseProduct(lens.point) + Vector2d(intrinsics[2], intrinsics[3]) -
+                        pixel_px_ + parameters[block_offset][0] * velocity_px_s_);
   if (!residual.allFinite() || !(focal.minCoeff() > 0.0)) return false;
   if (jacobians == nullptr) return true;
 
@@ -140,10 +141,12 @@ bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
     jacobian.col(1) << 0.0, intrinsics[0] * lens.point.y();
     jacobian.middleCols<2>(2).setIdentity();
     jacobian.rightCols(count) = focal.asDiagonal() * lens.d_coefficients.leftCols(count);
+    jacobian *= weight_;
   }
   RowMajor23 d_direction;
   d_direction << 1.0, 0.0, -direction.x(), 0.0, 1.0, -direction.y();
-  const RowMajor23 d_seen = focal.asDiagonal() * lens.d_direction * d_direction / seen.z();
+  const RowMajor23 d_seen =
+      weight_ / seen.z() * focal.asDiagonal() * lens.d_direction * d_direction;
   if (jacobians[block_camera] != nullptr) {
     write_pose_jacobian(d_seen, turned_world, jacobians[block_camera]);
   }
@@ -156,7 +159,9 @@ bool Reprojection::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians[block_warp] != nullptr) {
     Map<RowMajor23>{jacobians[block_warp]} = d_target.col(2) * warp_shape_.transpose();
   }
-  if (jacobians[block_offset] != nullptr) Map<Vector2d>{jacobians[block_offset]} = velocity_px_s_;
+  if (jacobians[block_offset] != nullptr) {
+    Map<Vector2d>{jacobians[block_offset]} = weight_ * velocity_px_s_;
+  }
   return true;
 }
 

@@ -55,6 +55,7 @@ void set_intrinsics(const std::vector<double>& block, Camera& camera);
 Eigen::Vector3d warp_shape(const Eigen::Vector3d& point, const Eigen::AlignedBox3d& box);
 Eigen::AlignedBox3d points_box(const Survey& survey);
 
+// In pixels, over the sighting's spread.
 class Reprojection final : public ceres::CostFunction {
  public:
   Reprojection(Lens lens, const Sighting& sighting, const Eigen::Vector3d& warp_shape);
@@ -64,6 +65,7 @@ class Reprojection final : public ceres::CostFunction {
  private:
   Lens lens_;
   Eigen::Vector2d pixel_px_, velocity_px_s_;
+  double weight_;
   Eigen::Vector3d warp_shape_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <limits>
 
 #include "reprojection.h"
@@ -61,9 +62,11 @@ void validate(const Survey& survey, const std::string& source) {
                       "and {}",
                       sighting.camera, sighting.placement, sighting.point, survey.cameras.size(),
                       survey.world_from_target.size(), survey.points_m.size()));
-    check(sighting.pixel_px.allFinite() && sighting.velocity_px_s.allFinite(), source,
-          fmt::format("the sighting of point {} by camera {} is not finite", sighting.point,
-                      sighting.camera));
+    check(sighting.pixel_px.allFinite() && sighting.velocity_px_s.allFinite() &&
+              std::isfinite(sighting.spread) && sighting.spread > 0.0,
+          source,
+          fmt::format("the sighting of point {} by camera {} or its spread is no figure",
+                      sighting.point, sighting.camera));
   }
   check(survey.time_offset_s.empty() || survey.time_offset_s.size() == survey.cameras.size(),
         source, "there must be one time offset per camera, or none");

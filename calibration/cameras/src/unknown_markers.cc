@@ -399,7 +399,10 @@ class UnknownSolver {
       for (const auto& [track, dot] : view.dot_of_track) {
         const auto point = index_of_track.find(track);
         if (point == index_of_track.end()) continue;
-        const Sighting sighting{0, placement, point->second, dot_at(view, dot).centre_px};
+        const Sighting sighting{.placement = placement,
+                                .point = point->second,
+                                .pixel_px = dot_at(view, dot).centre_px,
+                                .spread = spread_of(dot_at(view, dot))};
         if (!residual_px(result.survey, sighting).allFinite()) continue;
         result.survey.sightings.push_back(sighting);
         result.dots.push_back(dot);

@@ -78,7 +78,8 @@ struct Adjustment {
   std::vector<char> outlier;  // one per sighting
   double rms_px = 0.0;        // root mean squared distance of the sightings that count
   double rms_all_px = 0.0;    // of all sightings
-  /// Deviation of one coordinate of a sighting, from the residuals and the degrees of freedom.
+  /// Deviation of one coordinate of an ordinary sighting (spread 1), from the residuals and the
+  /// degrees of freedom.
   double sigma_px = 0.0;
   bool converged = false;
   int iterations = 0;
@@ -88,7 +89,8 @@ struct Adjustment {
   std::string undetermined;
 };
 
-/// Minimises the squared reprojection errors of `start` over what `options` leaves free.
+/// Minimises the squared reprojection errors of `start`, each in its own deviation, over what
+/// `options` leaves free.
 ///
 /// The outliers are found in rounds: a solve with a Cauchy loss, whose scale is the median error,
 /// tells which sightings stand out; then plain least squares over the rest, until the set of

@@ -14,6 +14,7 @@ struct Sighting {
   Eigen::Vector2d pixel_px = Eigen::Vector2d::Zero();
   /// Speed of the point in the picture; needed only where time offsets are sought.
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  double spread = 1.0;  // its deviation, in those of an ordinary sighting
 };
 
 /// Every task of calibration is one of these: a sheet before one camera (camera fixed, a placement
