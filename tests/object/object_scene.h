@@ -92,6 +92,7 @@ struct ObjectSceneOptions {
   int pairs = 8;
   bool mask = false;
   double lamp = 0.6;  // its share of the light
+  bool shadows = true;
 };
 
 /// What is in front of a test's camera, drawn by rays.
@@ -121,7 +122,8 @@ class ObjectScene {
     rays.seed = seed;
     rays.lamp =
         DirectionalLight{.towards_light = {-0.5, -0.7, -0.8},
-                         .radiance = Eigen::Vector3f::Constant(static_cast<float>(options_.lamp))};
+                         .radiance = Eigen::Vector3f::Constant(static_cast<float>(options_.lamp)),
+                         .shadows = options_.shadows};
     const Frame frame = ray_trace(scene, camera, Channel::colour | Channel::triangle, rays);
     ObjectPicture out;
     out.name = std::string("picture").append(std::to_string(seed));

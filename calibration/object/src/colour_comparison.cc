@@ -13,8 +13,10 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr int kBasis = 9, kLight = 3 * kBasis, kSystematic = 10;
-constexpr double kRidge = 1e-4;    // of the light's equations, relative to the ambient term's
-constexpr double kDarkest = 1e-3;  // light, whose root has no slope at zero
+constexpr int kBlock_px = 6;        // in which one gain holds
+constexpr double kGainSigma = 0.1;  // of a block's gain
+constexpr double kRidge = 1e-4;     // of the light's equations, relative to the ambient term's
+constexpr double kDarkest = 1e-3;   // light, whose root has no slope at zero
 using Basis = Eigen::Matrix<double, kBasis, 1>;
 
 /// sh_basis and its derivative by the normal.
@@ -90,35 +92,64 @@ struct PixelTerm {
   double weight = 0.0;  // robust, over the variance
   Basis basis;
   Vector3d by_light;  // of a channel's residual by its light
+  std::size_t block = 0;
+  Vector3d by_gain;  // of the block
   Eigen::Matrix<double, 3, 2> gradient;
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMostParameters> jacobian;
 };
 
-/// Sums of what parameters (p) and light (l) have to do with each other.
+/// Sums of what parameters (p), light (l) and the gains of blocks (g, a column each) have to do
+/// with each other. Gains do not meet each other.
 struct Equations {
-  explicit Equations(Eigen::Index size)
+  Equations(Eigen::Index size, Eigen::Index blocks)
       : pp(MatrixXd::Zero(size, size)),
         pl(MatrixXd::Zero(size, kLight)),
         ll(MatrixXd::Zero(kLight, kLight)),
+        pg(MatrixXd::Zero(size, blocks)),
+        lg(MatrixXd::Zero(kLight, blocks)),
         p(VectorXd::Zero(size)),
-        l(VectorXd::Zero(kLight)) {}
-  MatrixXd pp, pl, ll;
-  VectorXd p, l;
+        l(VectorXd::Zero(kLight)),
+        g(VectorXd::Zero(blocks)),
+        gg(VectorXd::Zero(blocks)) {}
+  MatrixXd pp, pl, ll, pg, lg;
+  VectorXd p, l, g, gg;
 
   void add(const PixelTerm& term, bool derivatives) {
+    const auto block = static_cast<Eigen::Index>(term.block);
+    g[block] += term.weight * term.by_gain.dot(term.residual);
+    gg[block] += term.weight * term.by_gain.squaredNorm();
     const Eigen::Matrix<double, kBasis, kBasis> square = term.basis * term.basis.transpose();
     for (int c = 0; c < 3; ++c) {
       const int at = kBasis * c;
       const double slope = term.weight * term.by_light[c];
       ll.block<kBasis, kBasis>(at, at) += slope * term.by_light[c] * square;
       l.segment<kBasis>(at) += slope * term.residual[c] * term.basis;
+      lg.col(block).segment<kBasis>(at) += slope * term.by_gain[c] * term.basis;
       if (!derivatives) continue;
       pl.middleCols<kBasis>(at) +=
           slope * term.jacobian.row(c).transpose() * term.basis.transpose();
     }
     if (!derivatives) return;
+    pg.col(block) += term.weight * term.jacobian.transpose().lazyProduct(term.by_gain);
     pp += term.weight * term.jacobian.transpose().lazyProduct(term.jacobian);
     p += term.weight * term.jacobian.transpose().lazyProduct(term.residual);
+  }
+
+  /// The inverse of the gains' own part; the equations are to be scaled by `scale`.
+  VectorXd gain_inverse(double scale) const {
+    return (gg.array() + 1.0 / (scale * kGainSigma * kGainSigma)).inverse();
+  }
+
+  /// Takes the gains out of the rest. Returns by how much their best values lower the cost.
+  double eliminate_gains(double scale) {
+    const VectorXd inverse = gain_inverse(scale);
+    const MatrixXd pull_p = pg * inverse.asDiagonal(), pull_l = lg * inverse.asDiagonal();
+    pp -= pull_p * pg.transpose();
+    pl -= pull_p * lg.transpose();
+    ll -= pull_l * lg.transpose();
+    p -= pull_p * g;
+    l -= pull_l * g;
+    return 0.5 * g.dot(inverse.cwiseProduct(g));
   }
 
   Eigen::LDLT<MatrixXd> light() const {
@@ -149,6 +180,17 @@ std::array<Eigen::Vector2d, kSystematic> systematic_at(const Eigen::Vector2d& pl
 }
 
 }  // namespace
+
+Eigen::Index ColourComparison::blocks() const {
+  return static_cast<Eigen::Index>(observation_.width / kBlock_px + 1) *
+         (observation_.height / kBlock_px + 1);
+}
+
+std::size_t ColourComparison::block_of(int pixel) const {
+  const int x = pixel % observation_.width, y = pixel / observation_.width;
+  return static_cast<std::size_t>(y / kBlock_px) * (observation_.width / kBlock_px + 1) +
+         x / kBlock_px;
+}
 
 template <class Use>
 ColourComparison::Mean ColourComparison::for_each_pixel(const PictureView& view,
@@ -195,7 +237,9 @@ ColourComparison::Mean ColourComparison::for_each_pixel(const PictureView& view,
       const double a = albedo[static_cast<std::size_t>(c)];
       term.residual[c] = a * lit[c] - observed[c];
       term.by_light[c] = 0.5 * a / lit[c];
+      term.by_gain[c] = a * lit[c];
     }
+    term.block = block_of(seen.pixel[i]);
     const double square = term.residual.squaredNorm() / variance, q = 1.0 / (1.0 + square / width);
     term.weight = albedo[3] * q * q / variance;
     weights += albedo[3];
@@ -224,19 +268,20 @@ ColourComparison::Mean ColourComparison::for_each_pixel(const PictureView& view,
 double ColourComparison::evaluate(const PictureView& view, const Synthesis& synthesis,
                                   NormalEquations* out) const {
   const bool derivatives = out != nullptr;
-  Equations sums(derivatives ? out->gradient.size() : 0);
+  Equations sums(derivatives ? out->gradient.size() : 0, blocks());
   const Mean mean = for_each_pixel(view, synthesis, derivatives,
                                    [&](const PixelTerm& term) { sums.add(term, derivatives); });
   if (!std::isfinite(mean.cost)) return mean.cost;
   const double per_pixel = options_.reference_pixels / options_.correlation_area_px;
   const double scale = per_pixel / mean.weights;
+  const double by_gains = scale * sums.eliminate_gains(scale);
   const auto light = sums.light();
   const VectorXd step = light.solve(sums.l);
   if (derivatives) {
     out->hessian += scale * (sums.pp - sums.pl * light.solve(sums.pl.transpose()));
     out->gradient += scale * (sums.p - sums.pl * step);
   }
-  return std::max(0.0, per_pixel * mean.cost - scale * 0.5 * sums.l.dot(step));
+  return std::max(0.0, per_pixel * mean.cost - by_gains - scale * 0.5 * sums.l.dot(step));
 }
 
 ColourComparison::Scores ColourComparison::scores(const PictureView& view,
@@ -244,16 +289,19 @@ ColourComparison::Scores ColourComparison::scores(const PictureView& view,
                                                   const std::vector<int>& cell, int cells,
                                                   double systematic_px) const {
   const Eigen::Index size = view.parameters();
-  Equations sums(size);
+  Equations sums(size, blocks());
   Scores out{MatrixXd::Zero(size, cells), MatrixXd::Zero(size, kSystematic)};
   MatrixXd cells_l = MatrixXd::Zero(kLight, cells),
            systematic_l = MatrixXd::Zero(kLight, kSystematic);
+  MatrixXd cells_g = MatrixXd::Zero(blocks(), cells),
+           systematic_g = MatrixXd::Zero(blocks(), kSystematic);
   Eigen::AlignedBox2d box;
   for (const std::int32_t pixel : synthesis.pixels.pixel) {
     box.extend(Eigen::Vector2d(pixel % observation_.width, pixel / observation_.width));
   }
   const double half_px = 0.5 * std::max(box.sizes().maxCoeff(), 1.0);
-  const auto add = [&](const PixelTerm& term, const Vector3d& residual, auto p, auto l) {
+  const auto add = [&](const PixelTerm& term, const Vector3d& residual, auto p, auto l, auto g) {
+    g[static_cast<Eigen::Index>(term.block)] += term.weight * term.by_gain.dot(residual);
     p += term.weight * term.jacobian.transpose().lazyProduct(residual);
     for (int c = 0; c < 3; ++c) {
       l.template segment<kBasis>(kBasis * c) +=
@@ -263,16 +311,24 @@ ColourComparison::Scores ColourComparison::scores(const PictureView& view,
   const Mean mean = for_each_pixel(view, synthesis, true, [&](const PixelTerm& term) {
     sums.add(term, true);
     const int at = cell[term.index];
-    add(term, term.residual, out.cells.col(at), cells_l.col(at));
+    add(term, term.residual, out.cells.col(at), cells_l.col(at), cells_g.col(at));
     const auto displacements = systematic_at(term.place_px, box.center(), half_px);
     for (int k = 0; k < kSystematic; ++k) {
       const Vector3d residual =
           systematic_px * term.gradient * displacements[static_cast<std::size_t>(k)];
-      add(term, residual, out.systematic.col(k), systematic_l.col(k));
+      add(term, residual, out.systematic.col(k), systematic_l.col(k), systematic_g.col(k));
     }
   });
   if (!(mean.weights > 0.0)) return out;
   const double scale = options_.reference_pixels / options_.correlation_area_px / mean.weights;
+  const VectorXd gain_inverse = sums.gain_inverse(scale);
+  const auto without_gains = [&](MatrixXd& p, MatrixXd& l, const MatrixXd& g) {
+    p -= sums.pg * gain_inverse.asDiagonal() * g;
+    l -= sums.lg * gain_inverse.asDiagonal() * g;
+  };
+  without_gains(out.cells, cells_l, cells_g);
+  without_gains(out.systematic, systematic_l, systematic_g);
+  sums.eliminate_gains(scale);
   const auto light = sums.light();
   out.cells = scale * (out.cells - sums.pl * light.solve(cells_l));
   out.systematic = scale * (out.systematic - sums.pl * light.solve(systematic_l));

@@ -10,10 +10,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kCells = 8;  // to each side of the object's box in the picture
+constexpr int kCells = 5;  // to each side of the object's box in the picture
 // Of all of a picture alike, in pixels of the comparison.
-constexpr float kOutlineOffset_px = 0.25f;
-constexpr double kColourOffset_px = 0.2;
+constexpr double kColourOffset_px = 0.08;
 
 /// Which cell of the visible object's box a place is in.
 class CellGrid {
@@ -49,19 +48,17 @@ std::vector<int> cells_of_pixels(const Synthesis& synthesis, const CellGrid& gri
   return out;
 }
 
-std::vector<std::vector<ContourTarget>> outline_by_cell(const std::vector<ContourTarget>& outline,
-                                                        const CellGrid& grid) {
-  std::vector<std::vector<ContourTarget>> out(kCells * kCells);
-  for (const ContourTarget& target : outline) {
-    out[grid.cell_of(target.target_px.x(), target.target_px.y())].push_back(target);
+std::vector<std::size_t> cells_of_targets(const OutlineComparison& outline, const CellGrid& grid) {
+  std::vector<std::size_t> out;
+  for (const ContourTarget& target : outline.targets()) {
+    out.push_back(grid.cell_of(target.target_px.x(), target.target_px.y()));
   }
   return out;
 }
 
 class Scatter {
  public:
-  Scatter(const ObjectWorkspace& workspace, const ObjectObjective& objective, const VectorXd& x)
-      : workspace_(workspace), objective_(objective), x_(x) {}
+  Scatter(const ObjectObjective& objective, const VectorXd& x) : objective_(objective), x_(x) {}
 
   /// Adds a picture's share of the gradient's covariance to `out`.
   void add(std::size_t picture, const PictureComparison& comparison, MatrixXd& out) const {
@@ -70,21 +67,11 @@ class Scatter {
     MatrixXd sum = MatrixXd::Zero(size, size);
     objective_.with_synthesis(x_, picture, [&](const Synthesis& synthesis) {
       add_cells(picture, comparison, synthesis, sum);
-      add_offset(picture, comparison, synthesis, sum);
     });
     out(columns, columns) += sum;
   }
 
  private:
-  VectorXd gradient(std::size_t picture, const Synthesis& synthesis,
-                    std::vector<ContourTarget> outline) const {
-    NormalEquations equations;
-    equations.reset(static_cast<Eigen::Index>(objective_.columns(picture).size()));
-    const ContourCost cost(std::move(outline), &workspace_.target().topology);
-    objective_.add_cost(x_, picture, synthesis, cost, equations);
-    return equations.gradient;
-  }
-
   void add_cells(std::size_t picture, const PictureComparison& comparison,
                  const Synthesis& synthesis, MatrixXd& sum) const {
     const CellGrid grid(synthesis);
@@ -96,10 +83,12 @@ class Scatter {
       scores += found.cells;
       sum += found.systematic * found.systematic.transpose();
     }
-    const auto outline = outline_by_cell(comparison.outline, grid);
-    for (std::size_t cell = 0; cell < outline.size(); ++cell) {
-      if (outline[cell].empty()) continue;
-      scores.col(static_cast<Eigen::Index>(cell)) += gradient(picture, synthesis, outline[cell]);
+    if (comparison.outline != nullptr && !comparison.outline->targets().empty()) {
+      const MatrixXd found =
+          comparison.outline->scores(objective_, x_, picture, synthesis,
+                                     cells_of_targets(*comparison.outline, grid), kCells * kCells);
+      scores += found.leftCols<kCells * kCells>();
+      sum += found.rightCols<1>() * found.rightCols<1>().transpose();
     }
     // As many cells less than there are as the parameters can satisfy.
     const auto used = static_cast<double>((scores.colwise().squaredNorm().array() > 0.0).count());
@@ -107,17 +96,6 @@ class Scatter {
     sum += used / left * scores * scores.transpose();
   }
 
-  void add_offset(std::size_t picture, const PictureComparison& comparison,
-                  const Synthesis& synthesis, MatrixXd& sum) const {
-    if (comparison.outline.empty()) return;
-    std::vector<ContourTarget> moved = comparison.outline;
-    for (ContourTarget& target : moved) target.target_px += kOutlineOffset_px * target.normal;
-    const VectorXd g = gradient(picture, synthesis, std::move(moved)) -
-                       gradient(picture, synthesis, comparison.outline);
-    sum += g * g.transpose();
-  }
-
-  const ObjectWorkspace& workspace_;
   const ObjectObjective& objective_;
   const VectorXd& x_;
 };
@@ -137,15 +115,14 @@ std::optional<MatrixXd> inverse_of_normal(const MatrixXd& hessian) {
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
-std::optional<MatrixXd> comparison_covariance(const ObjectWorkspace& workspace,
-                                              const ObjectObjective& objective, const VectorXd& x,
+std::optional<MatrixXd> comparison_covariance(const ObjectObjective& objective, const VectorXd& x,
                                               const std::vector<PictureComparison>& comparisons) {
   NormalEquations all;
   if (!objective.normal_equations(x, all)) return std::nullopt;
   const auto inverse = inverse_of_normal(all.hessian);
   if (!inverse) return std::nullopt;
   MatrixXd scatter = objective.pairs_information(x);
-  const Scatter cells(workspace, objective, x);
+  const Scatter cells(objective, x);
   for (std::size_t k = 0; k < comparisons.size(); ++k) cells.add(k, comparisons[k], scatter);
   return *inverse * scatter * *inverse;
 }

@@ -6,23 +6,23 @@
 
 #include "colour_comparison.h"
 #include "object_objective.h"
-#include "semblance/cost/contour.h"
+#include "outline_comparison.h"
 
 namespace semblance {
 
 /// The comparisons of one picture, to be taken apart into cells.
 struct PictureComparison {
   const ColourComparison* colours = nullptr;  // may be null
-  std::vector<ContourTarget> outline;         // may be empty
+  const OutlineComparison* outline = nullptr;
 };
 
 /// Covariance at x in the objective's tangent space; none where the Hessian is singular.
 ///
 /// The scatter of the gradient is summed over cells of each picture. Two more terms join it: the
-/// pairs, by their deviation, for they are few; and what all of an outline gets wrong alike, which
-/// no scatter shows: a quarter pixel along its normal.
+/// pairs, by their deviation, for they are few; and what all of an outline or of the colours gets
+/// wrong alike, which no scatter shows.
 std::optional<Eigen::MatrixXd> comparison_covariance(
-    const ObjectWorkspace& workspace, const ObjectObjective& objective, const Eigen::VectorXd& x,
+    const ObjectObjective& objective, const Eigen::VectorXd& x,
     const std::vector<PictureComparison>& comparisons);
 
 /// The inverse by scaled Cholesky factors; none where the matrix is singular to working precision.

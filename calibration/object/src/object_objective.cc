@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "colour_comparison.h"
+#include "outline_comparison.h"
 #include "semblance/core/parallel.h"
 
 namespace semblance {
@@ -311,8 +312,7 @@ double ObjectObjective::evaluate(const VectorXd& x) const {
     const PictureTerms& terms = terms_[k];
     if ((terms.outline == nullptr && terms.colours == nullptr) || !std::isfinite(parts[k])) return;
     with_synthesis(x, k, [&](const Synthesis& synthesis) {
-      if (terms.outline != nullptr)
-        parts[k] += terms.outline->evaluate(synthesis, nullptr, nullptr);
+      if (terms.outline != nullptr) parts[k] += terms.outline->cost(synthesis);
       if (terms.colours != nullptr) {
         parts[k] += terms.colours->evaluate(view(x, k), synthesis, nullptr);
       }
@@ -332,7 +332,7 @@ bool ObjectObjective::normal_equations(const VectorXd& x, NormalEquations& out) 
     if (terms.outline == nullptr && terms.colours == nullptr) return;
     if (!std::isfinite(parts[k].cost)) return;
     with_synthesis(x, k, [&](const Synthesis& synthesis) {
-      if (terms.outline != nullptr) add_cost(x, k, synthesis, *terms.outline, parts[k]);
+      if (terms.outline != nullptr) terms.outline->add(*this, x, k, synthesis, parts[k]);
       if (terms.colours != nullptr) {
         parts[k].cost += terms.colours->evaluate(view(x, k), synthesis, &parts[k]);
       }

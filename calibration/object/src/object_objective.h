@@ -46,6 +46,7 @@ struct PictureView {
 };
 
 class ColourComparison;
+class OutlineComparison;
 
 /// The rasteriser and the equations of one picture, kept from objective to objective.
 class ObjectWorkspace {
@@ -63,9 +64,9 @@ class ObjectWorkspace {
 
 /// What one picture is compared with. Pairs are about the target's middle.
 struct PictureTerms {
-  double scale = 1.0;             // pixels of the comparison per pixel of the picture
-  ShLight light;                  // in the camera's frame
-  const Cost* outline = nullptr;  // may be null, as may be
+  double scale = 1.0;                          // pixels of the comparison per pixel of the picture
+  ShLight light;                               // in the camera's frame
+  const OutlineComparison* outline = nullptr;  // may be null, as may be
   const ColourComparison* colours = nullptr;
   std::vector<ObjectPair> pairs;
   double pair_sigma_px = 1.0;

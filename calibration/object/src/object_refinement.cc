@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "outline_comparison.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "semblance/cost/light.h"
@@ -84,7 +85,7 @@ struct ObjectRefinement::View {
   double outline_sigma_px = kMostSigma_px;
   std::vector<ContourTarget> outline;
   std::unique_ptr<ColourComparison> colours;
-  std::unique_ptr<ContourCost> contour;
+  std::unique_ptr<OutlineComparison> contour;
   std::size_t pixels = 0;
   ObjectFit fit;
 
@@ -211,7 +212,7 @@ ObjectObjective ObjectRefinement::comparison(const RefinementState& state, int s
                       .pairs = pictures_[k].pairs,
                       .pair_sigma_px = pair_sigma_px_};
     for (ObjectPair& pair : term.pairs) pair.point_m -= target_.centre_m;
-    view.contour = std::make_unique<ContourCost>(view.outline, &target_.topology);
+    view.contour = std::make_unique<OutlineComparison>(view.outline, target_.topology);
     term.outline = view.contour.get();
     if (has_colours(target_)) {
       view.colours = std::make_unique<ColourComparison>(target_, view.level(stage), view.options);
@@ -279,10 +280,10 @@ void ObjectRefinement::finish(const RefinementState& state) {
   std::vector<PictureComparison> comparisons;
   for (std::size_t k = 0; k < views_.size(); ++k) {
     const View& view = *views_[k];
-    comparisons.push_back({view.colours.get(), view.outline});
+    comparisons.push_back({view.colours.get(), view.contour.get()});
     fits_[k] = view.fit;
   }
-  covariance_ = comparison_covariance(workspace_, objective, objective.start(), comparisons);
+  covariance_ = comparison_covariance(objective, objective.start(), comparisons);
 }
 
 RefinementState ObjectRefinement::run(const RefinementState& start) {
