@@ -147,6 +147,30 @@ TEST_F(CalibrateBoard, NamesThePictureThatDoesNotFit) {
   EXPECT_NEAR(read_camera(path("out/camera.json")).focal_px.x(), 704.0, 1.5);
 }
 
+TEST_F(CalibrateBoard, JudgeTellsAStoredCameraFromAChangedOne) {
+  const auto judged = [&](double focal_px) {
+    Camera stored = Camera::centred(640, 480, focal_px);
+    stored.name = "stored";
+    write_camera(path("stored.json"), stored);
+    std::vector<std::string> arguments = pictures();
+    arguments.insert(arguments.begin(), {"calibrate", "judge"});
+    arguments.insert(arguments.end(),
+                     {"--cameras", path("stored.json"), "--target", kTarget, "--lens", "pinhole",
+                      "-o", path("out"), "--json", path("summary.json")});
+    const ProgramResult result = run_program(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return nlohmann::json::parse(file_bytes(path("summary.json")));
+  };
+  const auto same = judged(704.0), zoomed = judged(715.0);
+  EXPECT_FALSE(same["changed"]) << same;
+  EXPECT_LT(same["cameras"][0]["rms_px"], 0.1);
+  EXPECT_TRUE(zoomed["changed"]);
+  EXPECT_GT(zoomed["cameras"][0]["lens_change_px"],
+            3.0 * zoomed["cameras"][0]["lens_change_sigma_px"].get<double>());
+  EXPECT_THAT(zoomed["warnings"].dump(), HasSubstr("stored"));
+  EXPECT_THAT(file_bytes(path("out/report.html")), HasSubstr("Warnings"));
+}
+
 TEST_F(CalibrateBoard, PicturesOfTwoSizesAreNamed) {
   std::vector<std::string> files = pictures();
   SheetView portrait;
