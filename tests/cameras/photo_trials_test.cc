@@ -66,6 +66,26 @@ TEST(PhotoTrials, Drape) {
   tally.print("drape");
 }
 
+/// The survey without points that fewer photos show.
+Survey with_points_seen(const Survey& all, int fewest) {
+  std::vector<int> seen(all.points_m.size(), 0);
+  for (const Sighting& sighting : all.sightings) ++seen[static_cast<std::size_t>(sighting.point)];
+  Survey out = all;
+  out.points_m.clear();
+  out.sightings.clear();
+  std::vector<int> index(all.points_m.size(), -1);
+  for (std::size_t k = 0; k < all.points_m.size(); ++k) {
+    if (seen[k] < fewest) continue;
+    index[k] = static_cast<int>(out.points_m.size());
+    out.points_m.push_back(all.points_m[k]);
+  }
+  for (Sighting sighting : all.sightings) {
+    sighting.point = index[static_cast<std::size_t>(sighting.point)];
+    if (sighting.point >= 0) out.sightings.push_back(sighting);
+  }
+  return out;
+}
+
 /// 25 dots on the front of a head, found in six photos of it from its front.
 Survey photographed_head(std::uint64_t seed) {
   Random random(seed);
@@ -92,13 +112,7 @@ Survey photographed_head(std::uint64_t seed) {
           {.camera = 0, .placement = i, .point = disc, .pixel_px = dot.centre_px});
     }
   }
-  // Marks that one photo alone shows have no place.
-  std::vector<int> seen(truth.points_m.size(), 0);
-  for (const Sighting& sighting : truth.sightings) ++seen[static_cast<std::size_t>(sighting.point)];
-  std::erase_if(truth.sightings, [&](const Sighting& sighting) {
-    return seen[static_cast<std::size_t>(sighting.point)] < 2;
-  });
-  return truth;
+  return with_points_seen(truth, 3);
 }
 
 TEST(PhotoTrials, HeadWithMarksFoundInPictures) {
