@@ -10,6 +10,7 @@
 
 #include "semblance/core/errors.h"
 #include "semblance/io/picture_size.h"
+#include "sheet_circles.h"
 #include "sheet_start.h"
 #include "sheet_views.h"
 
@@ -44,6 +45,7 @@ UsefulViews useful_views(const std::vector<Detection>& detections, int fewest) {
 struct Start {
   Survey survey;
   std::vector<int> taken;
+  std::vector<double> radius_px;  // of each sighting's circle, if the sheet has circles
 };
 
 Start start_at(const Camera& camera, const std::vector<Detection>& detections,
@@ -67,6 +69,8 @@ Start start_at(const Camera& camera, const std::vector<Detection>& detections,
       start.survey.sightings.push_back({0, placement, point_of_id[detection.ids[k]],
                                         detection.points_px.col(static_cast<Eigen::Index>(k))});
     }
+    start.radius_px.insert(start.radius_px.end(), detection.radii_px.begin(),
+                           detection.radii_px.end());
   }
   return start;
 }
@@ -181,7 +185,8 @@ BoardCalibration calibrate_board(const std::vector<Detection>& detections,
   const UsefulViews useful = useful_views(detections, options.principal ? 3 : 2);
   BoardCalibration result;
   result.point_ids = ids_seen(detections);
-  const Fit fit = best_fit(camera, detections, useful, result.point_ids, options);
+  Fit fit = best_fit(camera, detections, useful, result.point_ids, options);
+  fit.adjustment = with_circles_corrected(std::move(fit.adjustment), fit.start.radius_px);
   result.adjustment = fit.adjustment;
   result.adjustment.survey.cameras[0].name = "camera";  // until here the first picture, for errors
   result.camera = result.adjustment.survey.cameras[0];

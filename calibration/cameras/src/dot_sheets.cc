@@ -76,15 +76,27 @@ bool same_cells(const Lattice& a, const Lattice& b) {
                                             [](auto& x, auto& y) { return x.first == y.first; });
 }
 
+using DotsById = std::map<int, int>;
+
+void set_dots(Detection& detection, const DotLattice& dots, const DotsById& dot_of_id) {
+  PointsById points;
+  detection.radii_px.clear();
+  for (const auto& [id, dot] : dot_of_id) {
+    points[id] = dots.centres_px[dot];
+    detection.radii_px.push_back(dots.radii_px[dot]);
+  }
+  set_points(detection, points);
+}
+
 /// The ways in which the whole sheet fits the lattice.
-std::vector<PointsById> fits_of(const DotLattice& dots, const Lattice& sheet, bool mirrored) {
-  std::vector<PointsById> fits;
+std::vector<DotsById> fits_of(const DotLattice& dots, const Lattice& sheet, bool mirrored) {
+  std::vector<DotsById> fits;
   for (const BasisChange& change : basis_changes(mirrored)) {
     const Lattice lattice = changed(dots.lattice, change);
     if (!same_cells(lattice, sheet)) continue;
-    PointsById points;
-    for (const auto& [cell, point] : lattice) points[sheet.at(cell)] = dots.centres_px[point];
-    fits.push_back(points);
+    DotsById dot_of_id;
+    for (const auto& [cell, point] : lattice) dot_of_id[sheet.at(cell)] = point;
+    fits.push_back(std::move(dot_of_id));
   }
   return fits;
 }
@@ -174,7 +186,7 @@ void detect_circles(const DotLattice& dots, Detection& detection) {
   using Kind = DetectionWarning::Kind;
   const Target& target = detection.target;
   const Lattice sheet = cells_of(target);
-  const std::vector<PointsById> fits = fits_of(dots, sheet, false);
+  const std::vector<DotsById> fits = fits_of(dots, sheet, false);
   if (fits.empty()) {
     if (!fits_of(dots, sheet, true).empty()) {
       warn(detection, Kind::mirrored, "the picture shows the sheet's mirror image: flip it");
@@ -186,9 +198,10 @@ void detect_circles(const DotLattice& dots, Detection& detection) {
     }
     return;
   }
-  const auto uppermost = std::min_element(
-      fits.begin(), fits.end(), [](auto& a, auto& b) { return a.at(0).sum() < b.at(0).sum(); });
-  set_points(detection, *uppermost);
+  const auto height = [&](const DotsById& fit) { return dots.centres_px[fit.at(0)].sum(); };
+  const auto uppermost = std::min_element(fits.begin(), fits.end(),
+                                          [&](auto& a, auto& b) { return height(a) < height(b); });
+  set_dots(detection, dots, *uppermost);
   if (fits.size() > 1) {
     warn(detection, Kind::half_turn,
          "the sheet looks the same after a turn: the end that is uppermost was taken for its upper "
@@ -210,7 +223,7 @@ void detect_dots(const DotLattice& dots, Detection& detection) {
     }
     return;
   }
-  PointsById points;
+  DotsById dot_of_id;
   const CellRange range = cell_range(*named);
   if (range.lower.first < 0 || range.lower.second < 0 || range.upper.first >= target.columns ||
       range.upper.second >= target.rows) {
@@ -219,9 +232,9 @@ void detect_dots(const DotLattice& dots, Detection& detection) {
     return;
   }
   for (const auto& [cell, point] : *named) {
-    points[cell.first + target.columns * cell.second] = dots.centres_px[point];
+    dot_of_id[cell.first + target.columns * cell.second] = point;
   }
-  set_points(detection, points);
+  set_dots(detection, dots, dot_of_id);
 }
 
 }  // namespace semblance

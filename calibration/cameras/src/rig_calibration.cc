@@ -11,6 +11,7 @@
 #include "semblance/cameras/board_calibration.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/picture_size.h"
+#include "sheet_circles.h"
 #include "sheet_start.h"
 #include "sheet_views.h"
 
@@ -255,6 +256,7 @@ std::map<int, Rigid3> place_sheets(const std::vector<PosedView>& posed,
 struct Start {
   Survey survey;
   std::vector<int> instants, point_ids, view_of_sighting;
+  std::vector<double> radius_px;  // of each sighting's circle, if the sheet has circles
 };
 
 void add_view(const RigView& view, int view_index, int placement, bool needs_speed,
@@ -272,6 +274,7 @@ void add_view(const RigView& view, int view_index, int placement, bool needs_spe
     if (!residual_px(start.survey, sighting).allFinite()) continue;
     start.survey.sightings.push_back(sighting);
     start.view_of_sighting.push_back(view_index);
+    if (!view.detection.radii_px.empty()) start.radius_px.push_back(view.detection.radii_px[k]);
   }
 }
 
@@ -363,7 +366,8 @@ RigCalibration calibrate_rig(const std::vector<RigView>& given,
   for (PosedView& view : posed) view.instant += lags[static_cast<std::size_t>(view.camera)];
   const Start survey = start_from(views, start, place_sheets(posed, start), options.time_offsets);
   RigCalibration result;
-  result.adjustment = adjust(survey.survey, adjustment_options(cameras, options));
+  result.adjustment = with_circles_corrected(
+      adjust(survey.survey, adjustment_options(cameras, options)), survey.radius_px);
   for (std::size_t i = 0; i < lags.size(); ++i) {
     result.time_offset_s.push_back(lags[i] * options.step_s +
                                    result.adjustment.survey.time_offset_s[i]);

@@ -33,8 +33,10 @@ struct Detection {
   Target target;               // the sheet; automatic where none was recognised
   std::vector<int> ids;        // of `target` (point_ids), ascending
   Eigen::Matrix2Xd points_px;  // one column for each id; pixel centres at +0.5
-  int width = 0, height = 0;   // of the picture
-  bool inverted = false;       // printed white on black (ChArUco)
+  /// Of circles and dots, for each id: of the circle of equal area. Empty for other sheets.
+  std::vector<double> radii_px;
+  int width = 0, height = 0;  // of the picture
+  bool inverted = false;      // printed white on black (ChArUco)
   std::vector<DetectionWarning> warnings;
 
   bool found() const { return !ids.empty(); }
@@ -52,6 +54,7 @@ struct Detection {
 /// Hebert, "Precise ellipse estimation without contour point extraction", Machine Vision and
 /// Applications 21, 2009). The centre of an ellipse is not quite the image of the circle's centre;
 /// for a circle of radius r px seen at an angle the two differ by less than r^2 / focal_px.
+/// Calibrations correct it by the radii.
 class Detector {
  public:
   /// Throws InvalidInput where the sheet is not one of `parse_target`'s.
