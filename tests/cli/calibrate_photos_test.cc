@@ -160,6 +160,18 @@ TEST_F(CalibratePhotos, KnownLensesArePlaced) {
   EXPECT_THAT(unknown.output, HasSubstr("no stored camera is named 'lens 9'"));
 }
 
+TEST_F(CalibratePhotos, AMarkThatDoesNotFitIsNamed) {
+  MarksFile marks = drape();
+  marks.photos[3].marks_px["21"] += Eigen::Vector2d(25.0, -10.0);
+  write_marks(path("marks.json"), marks);
+  const ProgramResult result = photos({"--marks", path("marks.json")});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("photo3.png: mark '21' does not fit the others"));
+  const std::string page = file_bytes(path("out/report.html"));
+  EXPECT_THAT(page, HasSubstr("photo3.png: marks, and lines"));
+  EXPECT_THAT(page, HasSubstr(">21</text>"));
+}
+
 TEST_F(CalibratePhotos, TwoKnownPointsAreNoFrame) {
   MarksFile marks = drape();
   marks.points_sigma_m = 1e-3;

@@ -45,7 +45,7 @@ class Page {
     out_ = html_head(report_.title + " – calibration report");
     out_ += fmt::format("<body><main>\n<h1>{}</h1>\n<p class=\"sub\">Calibration report{}</p>\n",
                         escape_html(report_.title),
-                        report_.target.empty() ? "" : ", sheet " + escape_html(report_.target));
+                        report_.target.empty() ? "" : ", " + escape_html(report_.target));
     cards();
     warnings();
     for (std::size_t i = 0; i < verdict_.cameras.size(); ++i) camera(i);
@@ -173,7 +173,7 @@ class Page {
     out_ += "<h2>What was found</h2>\n<div class=\"pair\">\n";
     for (const ReportPicture& picture : report_.pictures) {
       out_ += fmt::format("<div>{}<p class=\"note\">{}</p></div>\n", picture.svg,
-                          escape_html(std::filesystem::path(picture.caption).filename().string()));
+                          escape_html(picture.caption));
     }
     out_ += "</div>\n";
   }

@@ -120,7 +120,7 @@ std::optional<Vector3d> normal_from_neighbours(const std::vector<Vector3d>& poin
   constexpr double flat = 0.5;           // share of the spread across in that along
   if (points_m.size() < neighbours) return std::nullopt;
   std::vector<Vector3d> nearest = points_m;
-  const Vector3d centre = points_m[index];
+  const Vector3d& centre = points_m[index];
   std::nth_element(nearest.begin(), nearest.begin() + neighbours, nearest.end(),
                    [&](const Vector3d& a, const Vector3d& b) {
                      return (a - centre).squaredNorm() < (b - centre).squaredNorm();

@@ -13,15 +13,14 @@
 
 #include "calibration_results.h"
 #include "commands.h"
+#include "drawn_photos.h"
 #include "semblance/cameras/marker_calibration.h"
 #include "semblance/cameras/sheet_pictures.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
-#include "semblance/core/html_page.h"
 #include "semblance/core/progress.h"
 #include "semblance/io/camera_io.h"
 #include "semblance/io/camera_rig.h"
-#include "semblance/io/image_io.h"
 #include "sheet_command.h"
 
 namespace semblance::cli {
@@ -153,11 +152,7 @@ std::map<std::pair<int, int>, DotLabel> labels_of(const MarkerCalibration& found
 std::string svg_of(const Rgb8& image, const MarkerPicture& picture, int index,
                    const std::map<std::pair<int, int>, DotLabel>& labels) {
   const double font = picture.width / 55.0, line = picture.width / 640.0;
-  std::string out = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" width=\"100%\">\n"
-      "<image width=\"{}\" height=\"{}\" href=\"data:image/jpeg;base64,{}\"/>\n",
-      picture.width, picture.height, picture.width, picture.height,
-      base64(encode_image(image, ImageFormat::jpeg)));
+  std::string out = svg_over(image);
   for (std::size_t j = 0; j < picture.dots.size(); ++j) {
     const Dot& dot = picture.dots[j];
     const auto label = labels.find({index, static_cast<int>(j)});
@@ -171,11 +166,8 @@ std::string svg_of(const Rgb8& image, const MarkerPicture& picture, int index,
         dot.major_px, dot.minor_px, dot.centre_px.x(), dot.centre_px.y(),
         dot.angle_rad * 180.0 / std::numbers::pi, colour, line);
     if (label == labels.end()) continue;
-    out += fmt::format(
-        "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{:.1f}\" font-family=\"sans-serif\" "
-        "fill=\"{}\" stroke=\"#000\" stroke-width=\"{:.2f}\" paint-order=\"stroke\">{}</text>\n",
-        dot.centre_px.x() + dot.major_px + line, dot.centre_px.y() + 0.35 * font, font, colour,
-        3.0 * line, escape_html(label->second.name));
+    out += svg_name(dot.centre_px + Eigen::Vector2d(dot.major_px + line, 0.0), font, colour,
+                    label->second.name);
   }
   return out + "</svg>\n";
 }
@@ -196,7 +188,8 @@ void add_pictures(const Detected& detected, const MarkersOptions& options,
     const auto wanted = shown.find(picture.name.text());
     if (wanted == shown.end()) return true;
     const MarkerPicture& dots = detected.pictures[static_cast<std::size_t>(wanted->second)];
-    report.pictures.push_back({dots.name, svg_of(picture.image, dots, wanted->second, labels)});
+    report.pictures.push_back({fs::path(dots.name).filename().string(),
+                               svg_of(picture.image, dots, wanted->second, labels)});
     return report.pictures.size() < shown.size();
   });
 }

@@ -13,6 +13,7 @@
 
 #include "calibration_results.h"
 #include "commands.h"
+#include "drawn_photos.h"
 #include "semblance/cameras/colmap_program.h"
 #include "semblance/cameras/photo_calibration.h"
 #include "semblance/cameras/scene_frame.h"
@@ -274,6 +275,27 @@ void note_frame(const SceneFrame& frame, std::vector<std::string>& notes) {
   }
 }
 
+// What each photo's marks came to. Outliers are named.
+void add_marks(const Solved& solved, CalibrationReport& report) {
+  const Survey& survey = solved.calibration.survey;
+  std::map<std::string, std::vector<DrawnMark>> by_photo;
+  for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
+    const Sighting& sighting = survey.sightings[i];
+    const std::string& photo = report.sighting_names[i];
+    const std::string& name = solved.point_names[static_cast<std::size_t>(sighting.point)];
+    const Eigen::Vector2d error_px = residual_px(survey, sighting);
+    const bool outlier = solved.calibration.adjustment->outlier[i] != 0;
+    by_photo[photo].push_back({name, sighting.pixel_px, sighting.pixel_px + error_px, outlier});
+    if (!outlier) continue;
+    report.notes.push_back(fmt::format("{}: mark '{}' does not fit the others, {:.1f} px off",
+                                       fs::path(photo).filename().string(), name, error_px.norm()));
+  }
+  for (const std::string& photo : solved.photos) {
+    const auto marks = by_photo.find(photo);
+    if (marks != by_photo.end()) report.pictures.push_back(draw_marks(photo, marks->second));
+  }
+}
+
 CalibrationReport report_of(const PhotosOptions& options, const Solved& solved) {
   CalibrationReport report;
   report.title = fs::path(options.folder).filename().string();
@@ -283,6 +305,7 @@ CalibrationReport report_of(const PhotosOptions& options, const Solved& solved) 
     report.sighting_names.push_back(solved.photos[static_cast<std::size_t>(photo)]);
   }
   report.notes = solved.notes;
+  if (!solved.point_names.empty()) add_marks(solved, report);
   return report;
 }
 

@@ -14,7 +14,7 @@ struct ReportPicture {
 };
 
 struct CalibrationReport {
-  std::string title, target;                // what was calibrated; the sheet as `target_text`
+  std::string title, target;  // what was calibrated, and on what: a sheet as `target_text`, ...
   std::vector<std::string> sighting_names;  // per sighting of the survey: its picture
   double detect_s = 0.0;
   std::vector<std::string> notes;  // what the detection warned of
