@@ -137,6 +137,44 @@ TEST(PhotosWithLenses, WithoutKnownPointsTheFirstCameraIsTheFrame) {
       between(truth.world_from_target[0], truth.world_from_target[3]), 0.01);
 }
 
+TEST(Photos, StartFromMarksAlone) {
+  for (const std::uint64_t seed : {31, 32}) {
+    Random random(seed);
+    Survey truth = draped_marks(random);
+    // Every photo lacks some marks, and one has a wrong one.
+    std::erase_if(truth.sightings,
+                  [&](const Sighting& s) { return (s.placement + s.point) % 7 == 0; });
+    truth.sightings[20].pixel_px += Eigen::Vector2d(80.0, -50.0);
+    const std::vector<Eigen::Vector3d> unknown(truth.points_m.size(),
+                                               Eigen::Vector3d::Constant(std::nan("")));
+    const std::vector<PhotoMarks> photos = marks_of_placements(truth);
+    const PhotoCalibration found =
+        calibrate_jointly(best_start_from_photos(photos, unknown, {}), {});
+    EXPECT_LT(shape_error_m(found.survey, truth), 1.5e-3) << seed;
+    EXPECT_NEAR(found.survey.cameras[0].focal_px.x(), 1800.0, 40.0) << seed;
+
+    // Three known points are the frame, though they are too few to place a photo.
+    PhotoOptions options;
+    for (const int k : {0, 4, 20}) {
+      options.known_points.push_back({k, truth.points_m[static_cast<std::size_t>(k)], 1e-4});
+    }
+    const PhotoCalibration framed =
+        calibrate_jointly(best_start_from_photos(photos, unknown, options), options);
+    for (std::size_t k = 0; k < truth.points_m.size(); ++k) {
+      EXPECT_LT((framed.survey.points_m[k] - truth.points_m[k]).norm(), 5e-3) << seed << ' ' << k;
+    }
+  }
+}
+
+TEST(Photos, MarksAloneMustBeShared) {
+  Random random(31);
+  Survey truth = draped_marks(random);
+  const std::vector<Eigen::Vector3d> unknown(truth.points_m.size(),
+                                             Eigen::Vector3d::Constant(std::nan("")));
+  std::erase_if(truth.sightings, [](const Sighting& s) { return s.point >= 7; });
+  EXPECT_THROW(best_start_from_photos(marks_of_placements(truth), unknown, {}), InvalidInput);
+}
+
 TEST(Photos, OnePhotoOrTwoSizesAreNamed) {
   const std::vector<Eigen::Vector3d> points(6, Eigen::Vector3d::Zero());
   PhotoMarks photo{"a.jpg", 640, 480, {0}, Eigen::Matrix2Xd::Zero(2, 1)};

@@ -112,6 +112,19 @@ TEST_F(CalibratePhotos, MarksGiveCameraAndPoints) {
   EXPECT_EQ(read_rig(path("out/rig.json")).cameras.size(), 6U);
 }
 
+TEST_F(CalibratePhotos, MarksAloneAreEnough) {
+  MarksFile marks = drape();
+  marks.points_m.clear();
+  write_marks(path("marks.json"), marks);
+  const ProgramResult result = photos({"--marks", path("marks.json")});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const double sigma_px = summary()["focal_sigma_px"][0];
+  EXPECT_NEAR(summary()["focal_px"][0], kFocal_px, 3.0 * sigma_px);
+  const MarksFile placed = read_marks(path("out/points.json"));
+  EXPECT_NEAR((placed.points_m.at("0") - placed.points_m.at("44")).norm(),
+              marks.lengths[0].length_m, 1e-3);
+}
+
 TEST_F(CalibratePhotos, KnownPointsGiveScaleAndAxes) {
   MarksFile marks = drape();
   marks.lengths.clear();

@@ -10,10 +10,12 @@
 
 #include "rays.h"
 #include "semblance/cameras/posit.h"
+#include "semblance/cameras/scene_frame.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/image_io.h"
 #include "semblance/io/picture_size.h"
 #include "semblance/io/video.h"
+#include "shape_from_views.h"
 
 namespace semblance {
 namespace {
@@ -132,6 +134,64 @@ void add_sightings(const PhotoMarks& photo, int camera, int placement, Survey& s
   }
 }
 
+// Into the frame of the known points, which must have a place.
+void move_to_known_points(const std::vector<KnownPoint>& known, const std::vector<char>& placed,
+                          Survey& survey) {
+  std::vector<Eigen::Vector3d> from, to;
+  for (const KnownPoint& point : known) {
+    const auto at = static_cast<std::size_t>(point.point);
+    if (!placed[at]) continue;
+    from.push_back(survey.points_m[at]);
+    to.push_back(point.position_m);
+  }
+  const auto columns = [](const std::vector<Eigen::Vector3d>& points) -> Eigen::Matrix3Xd {
+    return Eigen::Map<const Eigen::Matrix3Xd>(points.empty() ? nullptr : points[0].data(), 3,
+                                              static_cast<Eigen::Index>(points.size()));
+  };
+  const Similarity move = similarity_between(columns(from), columns(to));
+  for (std::size_t i = 0; i < survey.points_m.size(); ++i) {
+    if (placed[i]) survey.points_m[i] = move * survey.points_m[i];
+  }
+  for (Rigid3& pose : survey.world_from_target) {
+    pose.translation_m *= move.scale;
+    pose = pose * move.motion.inverse();
+  }
+}
+
+// The shape that the photos show, with a placement for each photo.
+Survey whole_survey(const ShapeFromViews& finder, const std::vector<PhotoMarks>& photos,
+                    std::size_t points, const PhotoOptions& options) {
+  const Reconstruction shape = finder.best_start();
+  const ShapeSurvey found = finder.survey_of(shape);
+  Survey survey;
+  survey.cameras = found.survey.cameras;
+  survey.cameras[0].lens = options.lens;
+  survey.points_m.assign(points, Eigen::Vector3d::Zero());
+  std::vector<char> placed(points, 0);
+  for (std::size_t k = 0; k < found.tracks.size(); ++k) {
+    const auto at = static_cast<std::size_t>(found.tracks[k]);
+    survey.points_m[at] = found.survey.points_m[k];
+    placed[at] = 1;
+  }
+  for (std::size_t i = 0; i < photos.size(); ++i) {
+    const auto pose = shape.camera_from_object.find(static_cast<int>(i));
+    if (pose == shape.camera_from_object.end()) {
+      throw SolverError(fmt::format(
+          "{}: its {} marks do not place it against the other photos; six of them must be marks "
+          "that two others show, and carry the names of the points that they show",
+          photos[i].name, photos[i].points.size()));
+    }
+    survey.world_from_target.push_back(pose->second);
+  }
+  for (Sighting sighting : found.survey.sightings) {
+    sighting.placement = found.views[static_cast<std::size_t>(sighting.placement)];
+    sighting.point = found.tracks[static_cast<std::size_t>(sighting.point)];
+    survey.sightings.push_back(sighting);
+  }
+  if (!options.known_points.empty()) move_to_known_points(options.known_points, placed, survey);
+  return survey;
+}
+
 }  // namespace
 
 Survey start_from_photos(const std::vector<PhotoMarks>& photos,
@@ -152,6 +212,43 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
   }
   place_unknown_points(survey);
   return survey;
+}
+
+Survey start_from_marks_alone(const std::vector<PhotoMarks>& photos, std::size_t points,
+                              const PhotoOptions& options) {
+  constexpr std::size_t fewest_photos = 3;
+  if (photos.size() < fewest_photos) {
+    throw InvalidInput(fmt::format(
+        "{} photos; without roughly known points three are needed at least, from different sides",
+        photos.size()));
+  }
+  Camera camera = Camera::centred(photos[0].width, photos[0].height, photos[0].width);
+  camera.camera_from_world = {};
+  camera.name = photos[0].name;  // for errors
+  std::vector<TrackView> views;
+  for (const PhotoMarks& photo : photos) {
+    require_camera_size(camera, photo.width, photo.height, photo.name);
+    TrackView& view = views.emplace_back();
+    for (std::size_t k = 0; k < photo.points.size(); ++k) {
+      view[photo.points[k]].pixel_px = photo.pixels_px.col(static_cast<Eigen::Index>(k));
+    }
+  }
+  ShapeOptions shape_options;
+  const double side_px = std::max(camera.width, camera.height);
+  for (const double factor : {0.6, 0.85, 1.2, 1.7, 2.4, 3.5}) {
+    shape_options.focals_px.push_back(factor * side_px);
+  }
+  shape_options.accuracy_px = std::max(2.0, 0.003 * side_px);  // of a click
+  shape_options.fewest_views = 2;
+  shape_options.cancelled = options.cancelled;
+  const ShapeFromViews finder(camera, std::move(views), shape_options);
+  if (finder.most_shared() < ShapeFromViews::fewest_shared) {
+    throw InvalidInput(fmt::format(
+        "the two photos that share most marks share {}; without roughly known points {} are "
+        "needed. Mark more points, or give six 'points' roughly",
+        finder.most_shared(), ShapeFromViews::fewest_shared));
+  }
+  return whole_survey(finder, photos, points, options);
 }
 
 std::vector<PhotoMarks> photos_with_marks(const MarksFile& marks) {
@@ -181,6 +278,11 @@ std::vector<PhotoMarks> photos_with_marks(const MarksFile& marks) {
 Survey best_start_from_photos(const std::vector<PhotoMarks>& photos,
                               const std::vector<Eigen::Vector3d>& rough_points_m,
                               const PhotoOptions& options) {
+  constexpr int fewest_rough = 6;
+  if (std::count_if(rough_points_m.begin(), rough_points_m.end(),
+                    [](const Eigen::Vector3d& p) { return p.allFinite(); }) < fewest_rough) {
+    return start_from_marks_alone(photos, rough_points_m.size(), options);
+  }
   std::optional<Survey> best;
   double best_px = std::numeric_limits<double>::max();
   std::string failure = "no photos";

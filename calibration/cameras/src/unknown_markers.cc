@@ -4,47 +4,24 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <set>
 
 #include "marker_views.h"
 #include "semblance/cameras/dot_tracks.h"
-#include "semblance/cameras/photo_calibration.h"
 #include "semblance/core/errors.h"
+#include "shape_from_views.h"
 
 namespace semblance {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kFewestTracks = 8;    // that two pictures share
 constexpr int kStartPictures = 12;  // that the start is sought in
 constexpr int kMostPictures = 40;   // in the adjustment
-constexpr int kFewestViews = 3;     // of a dot
-constexpr std::size_t kMostPairs = 6, kFewestSightings = 24;
-constexpr double kGood_px = 1.0, kRansac_px = 1.5, kPose_px = 4.0;
-constexpr double kLeastAngle = 0.03;  // rad, between rays that place a dot
 constexpr int kCorrections = 2;
 // Focal lengths in widths of the picture, from wide angle to tele.
 const std::vector<double> kUsualFocals{0.6, 0.85, 1.2, 1.7, 2.4};
-
-/// What one picture shows: tracks and where they are.
-struct View {
-  int picture = 0;
-  std::map<int, int> dot_of_track;
-};
-
-using Points = std::map<int, Vector3d>;  // by track
-
-/// A shape with the poses of the views that it was made of.
-struct Reconstruction {
-  Camera camera;
-  std::map<int, Rigid3> camera_from_object;  // by index of the view
-  Points points;
-};
 
 class UnknownSolver {
  public:
@@ -58,25 +35,23 @@ class UnknownSolver {
 
   MarkerCalibration solve() {
     follow();
-    Reconstruction shape = best_start();
-    views_ = spread_views(kMostPictures);
+    look_at(kStartPictures);
+    if (finder_->most_shared() < ShapeFromViews::fewest_shared) report_lost();
+    Reconstruction shape = finder_->best_start();
+    look_at(kMostPictures);
     shape = carried_over(shape);
     extend(shape);
-    shape = adjusted(shape, Lens::pinhole);
     for (int i = 0; i < 2; ++i) {
       join_returned(shape);
       extend(shape);
-      shape = adjusted(shape, Lens::pinhole);
     }
     return finished(shape);
   }
 
  private:
-  const Dot& dot_at(const View& view, int dot) const {
-    return pictures_[static_cast<std::size_t>(view.picture)].dots[static_cast<std::size_t>(dot)];
-  }
-  const Vector2d& pixel_of(const View& view, int track) const {
-    return dot_at(view, view.dot_of_track.at(track)).centre_px;
+  const Dot& dot_at(int view, int dot) const {
+    const auto picture = static_cast<std::size_t>(picture_of_view_[static_cast<std::size_t>(view)]);
+    return pictures_[picture].dots[static_cast<std::size_t>(dot)];
   }
 
   void follow() {
@@ -85,77 +60,41 @@ class UnknownSolver {
     tracks_ = follow_dots(dots);
     root_.resize(static_cast<std::size_t>(tracks_.count));
     for (int i = 0; i < tracks_.count; ++i) root_[static_cast<std::size_t>(i)] = i;
-    views_ = spread_views(kStartPictures);
   }
 
-  /// Views spread evenly over the pictures; dots that returned have their first track.
-  std::vector<View> spread_views(int most) const {
+  /// Takes views spread evenly over the pictures; dots that returned have their first track.
+  void look_at(int most) {
     const auto count = static_cast<int>(pictures_.size());
     const int taken = std::min(most, count);
-    std::vector<View> views;
+    picture_of_view_.clear();
+    std::vector<TrackView> views;
     for (int k = 0; k < taken; ++k) {
-      View view;
-      view.picture = taken > 1 ? k * (count - 1) / (taken - 1) : 0;
-      const auto& of_dot = tracks_.track_of_dot[static_cast<std::size_t>(view.picture)];
+      const int index = taken > 1 ? k * (count - 1) / (taken - 1) : 0;
+      const auto& of_dot = tracks_.track_of_dot[static_cast<std::size_t>(index)];
+      const auto& dots = pictures_[static_cast<std::size_t>(index)].dots;
+      TrackView view;
       for (std::size_t j = 0; j < of_dot.size(); ++j) {
         const int track = root_[static_cast<std::size_t>(of_dot[j])];
-        view.dot_of_track.try_emplace(track, static_cast<int>(j));
+        view.try_emplace(track,
+                         TrackedPoint{dots[j].centre_px, spread_of(dots[j]), static_cast<int>(j)});
       }
+      picture_of_view_.push_back(index);
       views.push_back(std::move(view));
     }
-    return views;
+    ShapeOptions options;
+    options.focals_px = kUsualFocals;
+    for (double& focal : options.focals_px) focal *= camera_.width;
+    if (options_.rough_focal_px) options.focals_px = {*options_.rough_focal_px};
+    options.cancelled = options_.cancelled;
+    finder_.emplace(camera_, std::move(views), std::move(options));
   }
 
-  std::vector<int> common_tracks(const View& a, const View& b) const {
-    std::vector<int> result;
-    for (const auto& [track, dot] : a.dot_of_track) {
-      if (b.dot_of_track.count(track) != 0) result.push_back(track);
-    }
-    return result;
+  void extend(Reconstruction& shape) const {
+    finder_->extend(shape);
+    shape = finder_->adjusted(shape, Lens::pinhole);
   }
 
-  /// How far the dots of two views move against each other, px: what is left of their motion when
-  /// the best affine map is taken out, which only their depth can cause.
-  double parallax_px(const View& a, const View& b, const std::vector<int>& tracks) const {
-    Eigen::MatrixX3d from(tracks.size(), 3);
-    Eigen::MatrixX2d to(tracks.size(), 2);
-    for (std::size_t k = 0; k < tracks.size(); ++k) {
-      const auto row = static_cast<Eigen::Index>(k);
-      from.row(row) = pixel_of(a, tracks[k]).homogeneous().transpose();
-      to.row(row) = pixel_of(b, tracks[k]).transpose();
-    }
-    const Eigen::MatrixX2d left = to - from * from.colPivHouseholderQr().solve(to);
-    return std::sqrt(left.squaredNorm() / static_cast<double>(tracks.size()));
-  }
-
-  struct Pair {
-    int a, b;
-    double score;
-  };
-  /// Pairs of views with many common dots and much parallax, the best first.
-  std::vector<Pair> start_pairs() const {
-    std::vector<Pair> pairs;
-    std::size_t most = 0;
-    for (int a = 0; a < static_cast<int>(views_.size()); ++a) {
-      for (int b = a + 1; b < static_cast<int>(views_.size()); ++b) {
-        const View &first = views_[static_cast<std::size_t>(a)],
-                   &second = views_[static_cast<std::size_t>(b)];
-        const std::vector<int> common = common_tracks(first, second);
-        most = std::max(most, common.size());
-        if (common.size() < kFewestTracks) continue;
-        pairs.push_back(
-            {a, b,
-             parallax_px(first, second, common) * std::sqrt(static_cast<double>(common.size()))});
-      }
-    }
-    if (pairs.empty()) report_lost(most);
-    std::stable_sort(pairs.begin(), pairs.end(),
-                     [](const Pair& x, const Pair& y) { return x.score > y.score; });
-    if (pairs.size() > kMostPairs) pairs.resize(kMostPairs);
-    return pairs;
-  }
-
-  [[noreturn]] void report_lost(std::size_t most) const {
+  [[noreturn]] void report_lost() const {
     std::size_t dots = 0;
     for (const MarkerPicture& picture : pictures_) dots = std::max(dots, picture.dots.size());
     if (dots == 0) {
@@ -164,298 +103,15 @@ class UnknownSolver {
           "differs "
           "in lightness or colour");
     }
-    if (dots < static_cast<std::size_t>(kFewestTracks)) {
-      throw SolverError(
-          fmt::format("the pictures show {} dots at most; {} are needed", dots, kFewestTracks));
+    if (dots < ShapeFromViews::fewest_shared) {
+      throw SolverError(fmt::format("the pictures show {} dots at most; {} are needed", dots,
+                                    ShapeFromViews::fewest_shared));
     }
     throw SolverError(fmt::format(
         "of up to {} dots only {} could be followed from one picture to another that is well "
         "apart; "
         "{} are needed. Give a video, or pictures in order with less motion between them",
-        dots, most, kFewestTracks));
-  }
-
-  Reconstruction best_start() const {
-    const std::vector<Pair> pairs = start_pairs();
-    Reconstruction best;
-    int most_good = 0;
-    std::vector<double> focals = kUsualFocals;
-    for (double& focal : focals) focal *= camera_.width;
-    if (options_.rough_focal_px) focals = {*options_.rough_focal_px};
-    for (const double focal_px : focals) {
-      for (const Pair& pair : pairs) {
-        if (options_.cancelled && options_.cancelled()) {
-          throw SolverError("interrupted while the start was sought");
-        }
-        Camera camera = camera_;
-        camera.focal_px.setConstant(focal_px);
-        Reconstruction shape;
-        if (!start_from_pair(camera, pair, shape)) continue;
-        try {
-          extend(shape);
-          shape = adjusted(shape, Lens::pinhole);
-        } catch (const SolverError&) {  // a wrong start
-          continue;
-        }
-        const int good = good_sightings(shape);
-        if (good <= most_good) continue;
-        most_good = good;
-        best = std::move(shape);
-      }
-    }
-    int all = 0;
-    for (const View& view : views_) all += static_cast<int>(view.dot_of_track.size());
-    constexpr double fewest_share = 0.4;
-    if (most_good < fewest_share * all || best.points.size() < kFewestTracks) {
-      throw SolverError(
-          fmt::format("the dots do not move as one rigid body seen by one camera (at most {} of {} "
-                      "sightings fit "
-                      "within a pixel): is the object rigid, does it turn, and is the zoom fixed?",
-                      most_good, all));
-    }
-    return best;
-  }
-
-  static cv::Point2d cv_point(const Vector2d& v) { return {v.x(), v.y()}; }
-
-  Vector2d direction(const Camera& camera, const View& view, int track) const {
-    return unproject(camera, pixel_of(view, track)).head<2>();
-  }
-
-  bool start_from_pair(const Camera& camera, const Pair& pair, Reconstruction& shape) const {
-    const View &a = views_[static_cast<std::size_t>(pair.a)],
-               &b = views_[static_cast<std::size_t>(pair.b)];
-    std::vector<cv::Point2d> from, to;
-    for (const int track : common_tracks(a, b)) {
-      from.push_back(cv_point(direction(camera, a, track)));
-      to.push_back(cv_point(direction(camera, b, track)));
-    }
-    cv::Mat mask, turn, shift;
-    constexpr double confidence = 0.999;
-    const cv::Mat essential =
-        cv::findEssentialMat(from, to, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, confidence,
-                             kRansac_px / camera.focal_px.x(), mask);
-    if (essential.rows != 3 || essential.cols != 3) return false;
-    const int front =
-        cv::recoverPose(essential, from, to, cv::Mat::eye(3, 3, CV_64F), turn, shift, mask);
-    if (front < kFewestTracks - 1) return false;
-    Matrix3d rotation;
-    Vector3d translation;
-    cv::cv2eigen(turn, rotation);
-    cv::cv2eigen(shift, translation);
-    shape.camera = camera;
-    shape.camera_from_object[pair.a] = {};
-    shape.camera_from_object[pair.b] = {Eigen::Quaterniond(rotation), translation};
-    triangulate(shape);
-    return shape.points.size() >= kFewestTracks - 1;
-  }
-
-  /// The place of a dot from all views that have a pose, where their rays differ enough.
-  std::optional<Vector3d> place_of(const Reconstruction& shape, int track) const {
-    std::vector<Vector3d> centres, rays;
-    for (const auto& [index, pose] : shape.camera_from_object) {
-      const View& view = views_[static_cast<std::size_t>(index)];
-      if (view.dot_of_track.count(track) == 0) continue;
-      const Rigid3 object_from_camera = pose.inverse();
-      centres.push_back(object_from_camera.translation_m);
-      rays.push_back((object_from_camera.rotation * unproject(shape.camera, pixel_of(view, track)))
-                         .normalized());
-    }
-    if (rays.size() < 2) return std::nullopt;
-    double widest = 1.0;
-    for (const Vector3d& a : rays) {
-      for (const Vector3d& b : rays) widest = std::min(widest, a.dot(b));
-    }
-    if (widest > std::cos(kLeastAngle)) return std::nullopt;
-    // Closest to all rays; weights by the inverse square of the distance make errors angles.
-    std::vector<double> weights(rays.size(), 1.0);
-    Vector3d point = Vector3d::Zero();
-    for (int round = 0; round < 2; ++round) {
-      Matrix3d normal = Matrix3d::Zero();
-      Vector3d right = Vector3d::Zero();
-      for (std::size_t i = 0; i < rays.size(); ++i) {
-        const Matrix3d across = weights[i] * (Matrix3d::Identity() - rays[i] * rays[i].transpose());
-        normal += across;
-        right += across * centres[i];
-      }
-      point = normal.ldlt().solve(right);
-      for (std::size_t i = 0; i < rays.size(); ++i) {
-        weights[i] = 1.0 / std::max((point - centres[i]).squaredNorm(), 1e-12);
-      }
-    }
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      if (!((point - centres[i]).dot(rays[i]) > 0.0)) return std::nullopt;
-    }
-    return point;
-  }
-
-  double error_px(const Reconstruction& shape, int index, int track, const Vector3d& point) const {
-    const Vector3d seen = shape.camera_from_object.at(index) * point;
-    if (!(seen.z() > 0.0)) return std::numeric_limits<double>::infinity();
-    return (project(shape.camera, seen) - pixel_of(views_[static_cast<std::size_t>(index)], track))
-        .norm();
-  }
-
-  void triangulate(Reconstruction& shape) const {
-    std::set<int> seen;
-    for (const auto& [index, pose] : shape.camera_from_object) {
-      for (const auto& [track, dot] : views_[static_cast<std::size_t>(index)].dot_of_track) {
-        if (shape.points.count(track) == 0) seen.insert(track);
-      }
-    }
-    for (const int track : seen) {
-      const auto point = place_of(shape, track);
-      if (!point) continue;
-      std::vector<double> errors;
-      for (const auto& [index, pose] : shape.camera_from_object) {
-        if (views_[static_cast<std::size_t>(index)].dot_of_track.count(track) == 0) continue;
-        errors.push_back(error_px(shape, index, track, *point));
-      }
-      std::sort(errors.begin(), errors.end());
-      if (errors[errors.size() / 2] < kPose_px) shape.points[track] = *point;
-    }
-  }
-
-  std::optional<Rigid3> pose_of(const Reconstruction& shape, const View& view) const {
-    constexpr int fewest = 6, rounds = 200;
-    std::vector<cv::Point3d> points;
-    std::vector<cv::Point2d> directions;
-    for (const auto& [track, dot] : view.dot_of_track) {
-      const auto found = shape.points.find(track);
-      if (found == shape.points.end()) continue;
-      points.emplace_back(found->second.x(), found->second.y(), found->second.z());
-      directions.push_back(cv_point(direction(shape.camera, view, track)));
-    }
-    if (static_cast<int>(points.size()) < fewest) return std::nullopt;
-    cv::Mat turn, shift;
-    std::vector<int> inliers;
-    const auto reach = static_cast<float>(kPose_px / shape.camera.focal_px.x());
-    constexpr double confidence = 0.999;
-    const bool found =
-        cv::solvePnPRansac(points, directions, cv::Matx33d::eye(), cv::noArray(), turn, shift,
-                           false, rounds, reach, confidence, inliers, cv::SOLVEPNP_SQPNP);
-    if (!found || 2 * inliers.size() < points.size()) return std::nullopt;
-    Vector3d rotation, translation;
-    cv::cv2eigen(turn, rotation);
-    cv::cv2eigen(shift, translation);
-    if (!rotation.allFinite() || !translation.allFinite()) return std::nullopt;
-    return Rigid3{quaternion_from_rotation_vector(rotation), translation};
-  }
-
-  /// Adds views to the shape, those with most known dots first, and dots to the views.
-  void extend(Reconstruction& shape) const {
-    std::set<int> failed;
-    triangulate(shape);
-    while (true) {
-      int best = -1, most = 0;
-      for (int i = 0; i < static_cast<int>(views_.size()); ++i) {
-        if (shape.camera_from_object.count(i) != 0 || failed.count(i) != 0) continue;
-        int known = 0;
-        for (const auto& [track, dot] : views_[static_cast<std::size_t>(i)].dot_of_track) {
-          known += static_cast<int>(shape.points.count(track));
-        }
-        if (known <= most) continue;
-        most = known;
-        best = i;
-      }
-      if (best < 0) return;
-      const auto pose = pose_of(shape, views_[static_cast<std::size_t>(best)]);
-      if (!pose) {
-        failed.insert(best);
-        continue;
-      }
-      shape.camera_from_object[best] = *pose;
-      triangulate(shape);
-      failed.clear();
-    }
-  }
-
-  /// The survey of a shape; `tracks`, `views` and `dots` say what its points, placements and
-  /// sightings are.
-  struct ShapeSurvey {
-    Survey survey;
-    std::vector<int> tracks, views, dots;
-  };
-  ShapeSurvey survey_of(const Reconstruction& shape) const {
-    ShapeSurvey result;
-    result.survey.cameras = {shape.camera};
-    std::map<int, int> views_of_track, index_of_track;
-    for (const auto& [index, pose] : shape.camera_from_object) {
-      for (const auto& [track, dot] : views_[static_cast<std::size_t>(index)].dot_of_track) {
-        ++views_of_track[track];
-      }
-    }
-    for (const auto& [track, point] : shape.points) {
-      if (views_of_track[track] < kFewestViews) continue;
-      index_of_track[track] = static_cast<int>(result.tracks.size());
-      result.tracks.push_back(track);
-      result.survey.points_m.push_back(point);
-    }
-    for (const auto& [index, pose] : shape.camera_from_object) {
-      const View& view = views_[static_cast<std::size_t>(index)];
-      const auto placement = static_cast<int>(result.views.size());
-      result.survey.world_from_target.push_back(pose);
-      result.views.push_back(index);
-      for (const auto& [track, dot] : view.dot_of_track) {
-        const auto point = index_of_track.find(track);
-        if (point == index_of_track.end()) continue;
-        const Sighting sighting{.placement = placement,
-                                .point = point->second,
-                                .pixel_px = dot_at(view, dot).centre_px,
-                                .spread = spread_of(dot_at(view, dot))};
-        if (!residual_px(result.survey, sighting).allFinite()) continue;
-        result.survey.sightings.push_back(sighting);
-        result.dots.push_back(dot);
-      }
-    }
-    return result;
-  }
-
-  /// After the joint adjustment; points that few sightings support, and views, are left out.
-  Reconstruction adjusted(const Reconstruction& shape, Lens lens) const {
-    ShapeSurvey start = survey_of(shape);
-    if (start.survey.sightings.size() < kFewestSightings) {
-      throw SolverError("too few dots could be placed: the pictures differ too little or too much");
-    }
-    start.survey.cameras[0].lens = lens;
-    PhotoOptions photo;
-    photo.lens = lens;
-    photo.cancelled = options_.cancelled;
-    const PhotoCalibration found = calibrate_jointly(start.survey, photo);
-    const double focal = found.survey.cameras[0].focal_px.x() / camera_.width;
-    if (!(focal > 0.2 && focal < 20.0)) throw SolverError("the focal length ran away");
-    Reconstruction result;
-    result.camera = found.survey.cameras[0];
-    std::vector<int> support(start.tracks.size(), 0), kept(start.views.size(), 0);
-    for (std::size_t i = 0; i < found.survey.sightings.size(); ++i) {
-      if (found.adjustment->outlier[i] != 0) continue;
-      ++support[static_cast<std::size_t>(found.survey.sightings[i].point)];
-      ++kept[static_cast<std::size_t>(found.survey.sightings[i].placement)];
-    }
-    for (std::size_t i = 0; i < start.tracks.size(); ++i) {
-      if (support[i] >= kFewestViews) result.points[start.tracks[i]] = found.survey.points_m[i];
-    }
-    constexpr int fewest = 5;
-    for (std::size_t i = 0; i < start.views.size(); ++i) {
-      if (kept[i] >= fewest) {
-        result.camera_from_object[start.views[i]] = found.survey.world_from_target[i];
-      }
-    }
-    return result;
-  }
-
-  int good_sightings(const Reconstruction& shape) const {
-    int good = 0;
-    for (const auto& [index, pose] : shape.camera_from_object) {
-      for (const auto& [track, dot] : views_[static_cast<std::size_t>(index)].dot_of_track) {
-        const auto point = shape.points.find(track);
-        if (point != shape.points.end() &&
-            error_px(shape, index, track, point->second) < kGood_px) {
-          ++good;
-        }
-      }
-    }
-    return good;
+        dots, finder_->most_shared(), ShapeFromViews::fewest_shared));
   }
 
   /// The shape's points and camera; poses are found again for the views as they are now.
@@ -493,25 +149,25 @@ class UnknownSolver {
         b = shape.points.erase(b);
       }
     }
-    views_ = spread_views(kMostPictures);
+    look_at(kMostPictures);
   }
 
   /// The largest radius that a view says.
   double dot_radius(const Reconstruction& shape, int track) const {
     double radius = 0.0;
     for (const auto& [index, pose] : shape.camera_from_object) {
-      const View& view = views_[static_cast<std::size_t>(index)];
-      const auto found = view.dot_of_track.find(track);
-      if (found == view.dot_of_track.end()) continue;
+      const TrackView& view = finder_->views()[static_cast<std::size_t>(index)];
+      const auto found = view.find(track);
+      if (found == view.end()) continue;
       const double distance = (pose * shape.points.at(track)).z();
-      radius = std::max(
-          radius, dot_at(view, found->second).major_px * distance / shape.camera.focal_px.x());
+      radius = std::max(radius, dot_at(index, found->second.index).major_px * distance /
+                                    shape.camera.focal_px.x());
     }
     return radius;
   }
 
   MarkerCalibration finished(const Reconstruction& shape) {
-    ShapeSurvey start = survey_of(shape);
+    ShapeSurvey start = finder_->survey_of(shape);
     const std::vector<std::string> names = name_points(start);
     Survey& survey = start.survey;
     survey.cameras[0].lens = options_.lens;
@@ -528,7 +184,7 @@ class UnknownSolver {
     for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
       const int view = start.views[static_cast<std::size_t>(survey.sightings[i].placement)];
       measured_px.push_back(survey.sightings[i].pixel_px);
-      dots.push_back(&dot_at(views_[static_cast<std::size_t>(view)], start.dots[i]));
+      dots.push_back(&dot_at(view, start.indices[i]));
     }
     MarkerCalibration result;
     std::vector<std::optional<DotFace>> faces;
@@ -540,8 +196,8 @@ class UnknownSolver {
     }
     for (std::size_t i = 0; i < survey.sightings.size(); ++i) {
       const int view = start.views[static_cast<std::size_t>(survey.sightings[i].placement)];
-      result.picture_of_sighting.push_back(views_[static_cast<std::size_t>(view)].picture);
-      result.dot_of_sighting.push_back(start.dots[i]);
+      result.picture_of_sighting.push_back(picture_of_view_[static_cast<std::size_t>(view)]);
+      result.dot_of_sighting.push_back(start.indices[i]);
     }
     add_points(names, faces, result);
     note_unused(start, result);
@@ -610,11 +266,11 @@ class UnknownSolver {
   }
 
   void note_unused(const ShapeSurvey& start, MarkerCalibration& result) const {
-    const std::size_t unused = views_.size() - start.views.size();
+    const std::size_t unused = picture_of_view_.size() - start.views.size();
     if (unused > 0) {
       result.notes.push_back(
           fmt::format("{} of {} pictures that were looked at could not be placed by their dots",
-                      unused, views_.size()));
+                      unused, picture_of_view_.size()));
     }
   }
 
@@ -623,7 +279,8 @@ class UnknownSolver {
   Camera camera_;
   DotTracks tracks_;
   std::vector<int> root_;  // of each track, the first of the same dot
-  std::vector<View> views_;
+  std::vector<int> picture_of_view_;
+  std::optional<ShapeFromViews> finder_;
 };
 
 }  // namespace

@@ -52,12 +52,21 @@ Survey start_from_photos(const std::vector<PhotoMarks>& photos,
                          const std::vector<Eigen::Vector3d>& rough_points_m, double focal_px,
                          const PhotoOptions& options);
 
+/// A survey to start from where nothing is known of the points: the essential matrix of two photos
+/// that share eight marks, for a row of focal lengths, then photo after photo. Its scale is
+/// arbitrary, its frame that of a photo; with `options.known_points`, three of which must have a
+/// place, it is theirs. Throws InvalidInput for less than three photos, photos that differ in size
+/// and too few marks in common; SolverError where no start fits, naming photos that do not.
+Survey start_from_marks_alone(const std::vector<PhotoMarks>& photos, std::size_t points,
+                              const PhotoOptions& options);
+
 /// The marks of each photo, by index into `marks.names()`. Opens the photos for their sizes.
 std::vector<PhotoMarks> photos_with_marks(const MarksFile& marks);
 
 /// `start_from_photos` with a row of focal lengths from 0.7 to 4 times the longer side of the
-/// picture; the one from which the joint adjustment ends best. Throws as that does, and SolverError
-/// where none leads to a fit.
+/// picture; the one from which the joint adjustment ends best. `start_from_marks_alone` where less
+/// than six points are roughly known. Throws as those do, and SolverError where none leads to a
+/// fit.
 Survey best_start_from_photos(const std::vector<PhotoMarks>& photos,
                               const std::vector<Eigen::Vector3d>& rough_points_m,
                               const PhotoOptions& options);
