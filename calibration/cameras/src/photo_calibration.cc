@@ -224,10 +224,11 @@ Survey start_from_marks_alone(const std::vector<PhotoMarks>& photos, std::size_t
   }
   Camera camera = Camera::centred(photos[0].width, photos[0].height, photos[0].width);
   camera.camera_from_world = {};
-  camera.name = photos[0].name;  // for errors
+  Camera first = camera;
+  first.name = photos[0].name;  // for errors
   std::vector<TrackView> views;
   for (const PhotoMarks& photo : photos) {
-    require_camera_size(camera, photo.width, photo.height, photo.name);
+    require_camera_size(first, photo.width, photo.height, photo.name);
     TrackView& view = views.emplace_back();
     for (std::size_t k = 0; k < photo.points.size(); ++k) {
       view[photo.points[k]].pixel_px = photo.pixels_px.col(static_cast<Eigen::Index>(k));
