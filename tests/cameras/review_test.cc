@@ -17,7 +17,7 @@ struct Taken {
   std::vector<RigView> views;
 };
 
-Taken take_pictures(Random& random) {
+Taken take_pictures(Random& random, double motion_m = 0.0) {
   const Target sheet = parse_target("chessboard:9x6:0.025");
   Survey survey = sheet_survey(random, Lens::brown5, 20);
   survey.cameras.push_back(survey.cameras[0]);
@@ -32,6 +32,7 @@ Taken take_pictures(Random& random) {
       view.camera = c;
       view.instant = i;
       view.name = "view";
+      const Eigen::Vector3d moved_m = normal_vector(random, motion_m);  // till the right one looked
       view.detection.target = sheet;
       view.detection.ids = point_ids(sheet);
       view.detection.width = survey.cameras[0].width;
@@ -39,7 +40,8 @@ Taken take_pictures(Random& random) {
       view.detection.points_px.resize(2, static_cast<Eigen::Index>(view.detection.ids.size()));
       for (std::size_t k = 0; k < view.detection.ids.size(); ++k) {
         const Eigen::Vector3d point = survey.world_from_target[static_cast<std::size_t>(i)] *
-                                      point_on_sheet(sheet, view.detection.ids[k]);
+                                          point_on_sheet(sheet, view.detection.ids[k]) +
+                                      c * moved_m;
         view.detection.points_px.col(static_cast<Eigen::Index>(k)) =
             project_world(survey.cameras[static_cast<std::size_t>(c)], point) +
             0.3 * Eigen::Vector2d(random.normal(), random.normal());
@@ -59,6 +61,20 @@ TEST(Review, CamerasThatAreRightPass) {
     EXPECT_NEAR(review.cameras[0].rms_px, 0.42, 0.03);
     EXPECT_LT(review.cameras[1].mean_change_px, 4.0 * review.cameras[1].mean_sigma_px);
   }
+}
+
+TEST(Review, PicturesOfDifferentTimesBlameNoCamera) {
+  Random random(8);
+  const Taken taken = take_pictures(random, 4e-3);
+  const CalibrationReview review = review_calibration(taken.views, taken.cameras);
+  EXPECT_THAT(review.warnings, ElementsAre(HasSubstr("may be of different times")));
+  EXPECT_NEAR(*review.cameras[1].alone_rms_px, 0.42, 0.03);
+  // A lens that changed is still seen.
+  Taken zoomed = taken;
+  zoomed.cameras[1].focal_px *= 1.02;
+  EXPECT_THAT(review_calibration(zoomed.views, zoomed.cameras).warnings,
+              ElementsAre(HasSubstr("may be of different times"),
+                          HasSubstr("right: the lens has changed")));
 }
 
 TEST(Review, ALensThatChangedIsNamed) {

@@ -1,10 +1,12 @@
 #include "semblance/cameras/review.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 
 #include "projection_map.h"
 #include "semblance/cameras/judge.h"
@@ -14,6 +16,7 @@ namespace {
 
 constexpr double kSigmas = 3.0;
 constexpr double kVisible_px = 0.3;
+constexpr double kMuchWorse = 2.0;
 
 RigCalibration fit(const std::vector<RigView>& views, const std::vector<Camera>& cameras, bool keep,
                    const std::function<bool()>& cancelled) {
@@ -29,6 +32,39 @@ RigCalibration fit(const std::vector<RigView>& views, const std::vector<Camera>&
   RigOptions options;
   options.cancelled = cancelled;
   return calibrate_rig(views, known, options);
+}
+
+// Each camera's views alone; none where they are too few for its lens.
+std::vector<std::optional<RigCalibration>> fit_alone(const std::vector<RigView>& views,
+                                                     const std::vector<Camera>& cameras,
+                                                     const std::function<bool()>& cancelled) {
+  std::vector<std::optional<RigCalibration>> alone(cameras.size());
+  if (cameras.size() == 1) return alone;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    std::vector<RigView> own;
+    for (const RigView& view : views) {
+      if (view.camera != static_cast<int>(i)) continue;
+      own.push_back(view);
+      own.back().camera = 0;
+    }
+    try {
+      alone[i] = fit(own, {cameras[i]}, false, cancelled);
+    } catch (const std::runtime_error&) {  // too few views, or all alike
+    }
+  }
+  return alone;
+}
+
+// Those that fit by themselves and not together, in words; empty if there are none.
+std::string disagreement(const CalibrationReview& review, const std::vector<Camera>& cameras) {
+  std::vector<std::string> worse;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const CameraReview& camera = review.cameras[i];
+    if (!camera.alone_rms_px || camera.refit_rms_px <= kMuchWorse * *camera.alone_rms_px) continue;
+    worse.push_back(fmt::format("{} fits {:.2f} px in the rig, {:.2f} px by itself",
+                                cameras[i].name, camera.refit_rms_px, *camera.alone_rms_px));
+  }
+  return fmt::format("{}", fmt::join(worse, ", "));
 }
 
 void review_lens(const Camera& given, const Camera& refit, const Eigen::MatrixXd& covariance,
@@ -55,7 +91,7 @@ void review_pose(const Camera& given, const Camera& refit, const CameraUncertain
 }
 
 void warn(const std::string& name, const Camera& camera, const CameraReview& review,
-          std::vector<std::string>& warnings) {
+          bool places_are_told, std::vector<std::string>& warnings) {
   const auto stands_out = [](double change, double sigma) { return change > kSigmas * sigma; };
   if (!review.has_sigma) {
     warnings.push_back(
@@ -70,6 +106,7 @@ void warn(const std::string& name, const Camera& camera, const CameraReview& rev
         name, review.mean_change_px, review.worst_change_px,
         review.mean_change_px / review.mean_sigma_px));
   }
+  if (!places_are_told) return;
   const double turn_px = review.turn_rad * camera.focal_px.x();
   if ((turn_px > kVisible_px && stands_out(review.turn_rad, review.turn_sigma_rad)) ||
       stands_out(review.shift_m, review.shift_sigma_m)) {
@@ -90,20 +127,32 @@ CalibrationReview review_calibration(const std::vector<RigView>& views,
   CalibrationReview result;
   result.given = fit(views, cameras, true, cancelled);
   result.refit = fit(views, cameras, false, cancelled);
-  const auto& covariance = result.refit.adjustment.covariance;
+  const auto alone = fit_alone(views, cameras, cancelled);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    CameraReview review;
+    CameraReview& review = result.cameras.emplace_back();
     review.rms_px = result.given.fits[i].rms_px;
     review.refit_rms_px = result.refit.fits[i].rms_px;
-    review.has_sigma = covariance.has_value();
-    if (covariance) {
-      review_lens(cameras[i], result.refit.cameras[i], covariance->cameras[i].intrinsics, review);
-      if (i > 0) {
-        review_pose(cameras[i], result.refit.cameras[i], covariance->cameras[i], review);
-      }
+    if (alone[i]) review.alone_rms_px = alone[i]->fits[0].rms_px;
+  }
+  const std::string worse = disagreement(result, cameras);
+  if (!worse.empty()) {
+    result.warnings.push_back(fmt::format(
+        "{}: the cameras disagree about the sheet's place. Pictures of one number may be of "
+        "different times; whether a camera has moved cannot be told from them",
+        worse));
+  }
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    CameraReview& review = result.cameras[i];
+    const bool by_itself = !worse.empty() && alone[i];
+    const RigCalibration& refit = by_itself ? *alone[i] : result.refit;
+    const std::size_t at = by_itself ? 0 : i;
+    review.has_sigma = refit.adjustment.covariance.has_value();
+    if (review.has_sigma) {
+      const CameraUncertainty& known = refit.adjustment.covariance->cameras[at];
+      review_lens(cameras[i], refit.cameras[at], known.intrinsics, review);
+      if (i > 0 && worse.empty()) review_pose(cameras[i], refit.cameras[at], known, review);
     }
-    warn(cameras[i].name, cameras[i], review, result.warnings);
-    result.cameras.push_back(review);
+    warn(cameras[i].name, cameras[i], review, worse.empty(), result.warnings);
   }
   return result;
 }

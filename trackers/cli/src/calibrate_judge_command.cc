@@ -62,10 +62,12 @@ std::vector<SheetPictures> look_for_sheet(const JudgeOptions& options, bool one_
 Json json_of(const Camera& camera, const CameraReview& review) {
   Json json{
       {"name", camera.name}, {"rms_px", review.rms_px}, {"refit_rms_px", review.refit_rms_px}};
+  if (review.alone_rms_px) json["alone_rms_px"] = *review.alone_rms_px;
   if (!review.has_sigma) return json;
   json["lens_change_px"] = review.mean_change_px;
   json["lens_change_sigma_px"] = review.mean_sigma_px;
   json["worst_lens_change_px"] = review.worst_change_px;
+  if (review.turn_sigma_rad == 0.0) return json;
   json["turn_rad"] = review.turn_rad;
   json["turn_sigma_rad"] = review.turn_sigma_rad;
   json["shift_m"] = review.shift_m;
@@ -73,13 +75,13 @@ Json json_of(const Camera& camera, const CameraReview& review) {
   return json;
 }
 
-void print(const Camera& camera, const CameraReview& review, bool is_first) {
+void print(const Camera& camera, const CameraReview& review) {
   fmt::print("{}: {:.3f} px rms as stored, {:.3f} px fitted anew", camera.name, review.rms_px,
              review.refit_rms_px);
   if (review.has_sigma) {
     fmt::print("; lens off by {:.2f} px (deviation {:.2f})", review.mean_change_px,
                review.mean_sigma_px);
-    if (!is_first) {
+    if (review.turn_sigma_rad > 0.0) {
       fmt::print(", turned by {:.3f} degrees ({:.3f}), shifted by {:.1f} mm ({:.1f})",
                  review.turn_rad * 180.0 / std::numbers::pi,
                  review.turn_sigma_rad * 180.0 / std::numbers::pi, 1e3 * review.shift_m,
@@ -109,7 +111,7 @@ void run_judge(const Context& context, const JudgeOptions& options) {
   note_size(parse_target(options.target), report.notes);
   check_distances(options, pictures[0].target, cameras, report.notes);
   report.notes.insert(report.notes.end(), review.warnings.begin(), review.warnings.end());
-  for (std::size_t i = 0; i < cameras.size(); ++i) print(cameras[i], review.cameras[i], i == 0);
+  for (std::size_t i = 0; i < cameras.size(); ++i) print(cameras[i], review.cameras[i]);
 
   prepare_output_folder(options.folder);
   const Verdict verdict =

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,8 +12,9 @@ namespace semblance {
 
 /// One camera as given beside the same camera fitted anew.
 struct CameraReview {
-  double rms_px = 0.0;        // as given: only the sheet was placed
-  double refit_rms_px = 0.0;  // with everything free
+  double rms_px = 0.0;                 // as given: only the sheet was placed
+  double refit_rms_px = 0.0;           // with everything free
+  std::optional<double> alone_rms_px;  // of a rig: this camera's views alone, everything free
   /// How far the projections of the two differ over the picture, less a rotation of the camera; and
   /// the deviation of that, from the fit. Root mean square and greatest. Zero where it is not
   /// known.
@@ -33,6 +35,10 @@ struct CalibrationReview {
 /// Fits the placements of the sheet to the cameras as they are given, then everything, and
 /// compares. What differs by more than three deviations of the fit, and by more than 0.3 px, is
 /// warned of.
+///
+/// Cameras of a rig that each fit their own views much better than the rig's were not looking at
+/// one sheet at one time: that is said instead of blaming their places, which such pictures do not
+/// tell, and lenses are then reviewed camera by camera.
 ///
 /// `cameras`: those given, in the order of the views' indices. Throws as `calibrate_rig` does.
 CalibrationReview review_calibration(const std::vector<RigView>& views,
