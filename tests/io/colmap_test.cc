@@ -246,6 +246,15 @@ TEST_F(Colmap, BadTextNamesFileAndLine) {
   EXPECT_THAT(complaint_of("points3D", "3 0", "3"), HasSubstr("POINT2D_IDX"));
 }
 
+TEST_F(Colmap, NamesHaveNoZeroByte) {
+  ColmapModel model = small_model();
+  model.images[3].name = std::string("a\0b", 3);
+  EXPECT_THAT([&] { write_colmap_binary(path("model"), model); },
+              ThrowsMessage<InvalidInput>(AllOf(HasSubstr("image 3"), HasSubstr("zero byte"))));
+  EXPECT_THROW(validate(model, "model"), InvalidInput);
+  EXPECT_FALSE(std::filesystem::exists(path("model")));
+}
+
 TEST_F(Colmap, NamesWithBlanksNeedBinary) {
   CameraRig rig = some_rig(Lens::pinhole);
   rig.cameras[0].name = "left eye";

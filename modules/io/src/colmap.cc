@@ -89,6 +89,8 @@ void check_image(std::uint32_t id, const ColmapModel::Image& image, const Colmap
   const std::string where = fmt::format("{}: image {}", source, id);
   check(model.cameras.count(image.camera) != 0, where,
         fmt::format("its camera {} is not in the model", image.camera));
+  check(image.name.find('\0') == std::string::npos, where,
+        "its name has a zero byte, which ends names in COLMAP");
   const Rigid3& pose = image.camera_from_world;
   check(pose.rotation.coeffs().allFinite() && std::abs(pose.rotation.norm() - 1.0) < 1e-6 &&
             pose.translation_m.allFinite(),
@@ -261,7 +263,7 @@ void write_colmap_text(const std::string& folder, const ColmapModel& model) {
 
 void write_colmap_binary(const std::string& folder, const ColmapModel& model) {
   validate(model, folder);
-  write_contents(folder, colmap::bytes_of(model, folder), ".bin");
+  write_contents(folder, colmap::bytes_of(model), ".bin");
 }
 
 CameraRig rig_from_colmap(const ColmapModel& model) {

@@ -194,7 +194,7 @@ ColmapModel parse_binary(const Contents& contents, const std::string& folder) {
   return model;
 }
 
-Contents bytes_of(const ColmapModel& model, const std::string& folder) {
+Contents bytes_of(const ColmapModel& model) {
   Contents contents;
   put<std::uint64_t>(contents.cameras, model.cameras.size());
   for (const auto& [id, camera] : model.cameras) {
@@ -206,9 +206,6 @@ Contents bytes_of(const ColmapModel& model, const std::string& folder) {
   }
   put<std::uint64_t>(contents.images, model.images.size());
   for (const auto& [id, image] : model.images) {
-    if (image.name.find('\0') != std::string::npos) {
-      throw InvalidInput(folder + ": an image's name has a zero byte, which ends names in COLMAP");
-    }
     put_image(contents.images, id, image);
   }
   put<std::uint64_t>(contents.points, model.points.size());

@@ -28,6 +28,6 @@ int checked_size(std::uint64_t pixels, const std::string& place);
 ColmapModel parse_text(const Contents& contents, const std::string& folder);
 ColmapModel parse_binary(const Contents& contents, const std::string& folder);
 Contents text_of(const ColmapModel& model, const std::string& folder);
-Contents bytes_of(const ColmapModel& model, const std::string& folder);
+Contents bytes_of(const ColmapModel& model);
 
 }  // namespace semblance::colmap
