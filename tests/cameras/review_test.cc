@@ -68,7 +68,7 @@ TEST(Review, PicturesOfDifferentTimesBlameNoCamera) {
   const Taken taken = take_pictures(random, 4e-3);
   const CalibrationReview review = review_calibration(taken.views, taken.cameras);
   EXPECT_THAT(review.warnings, ElementsAre(HasSubstr("may be of different times")));
-  EXPECT_NEAR(*review.cameras[1].alone_rms_px, 0.42, 0.03);
+  EXPECT_NEAR(*review.refit.fits[1].alone_px, 0.42, 0.03);
   // A lens that changed is still seen.
   Taken zoomed = taken;
   zoomed.cameras[1].focal_px *= 1.02;

@@ -279,12 +279,16 @@ TEST_F(CalibratePhotos, ColmapPlacesPhotosWithoutMarks) {
   EXPECT_NEAR(found["focal_px"][0], kFocal_px, 0.01 * kFocal_px);
   const CameraRig rig = read_rig(path("out/rig.json"));
   ASSERT_EQ(rig.cameras.size(), 6U);
+  RecordProperty("focal_px", found["focal_px"][0].dump());
+  double worst_m = 0.0;
   for (const Camera& camera : rig.cameras) {
     const std::size_t i = static_cast<std::size_t>(camera.name[camera.name.size() - 2] - '0');
     const Eigen::Vector3d at = camera.camera_from_world.inverse().translation_m;
     const Eigen::Vector3d truth = cameras[i].camera_from_world.inverse().translation_m;
     EXPECT_LT((at - truth).norm(), 0.01) << camera.name;
+    worst_m = std::max(worst_m, (at - truth).norm());
   }
+  RecordProperty("worst_place_mm", std::to_string(1e3 * worst_m));
 }
 
 }  // namespace

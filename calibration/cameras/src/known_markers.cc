@@ -22,7 +22,6 @@ constexpr double kFirstReach = 0.02, kLastReach_px = 2.0;  // of the picture's w
 constexpr double kReachSigmas = 5.0;
 constexpr int kCorrections = 2;
 // Focal lengths in widths of the picture, from wide angle to tele.
-const std::vector<double> kUsualFocals{0.6, 0.85, 1.2, 1.7, 2.4};
 const std::vector<double> kRoughFocals{1.0, 0.85, 1.18};
 
 struct NamedPicture {

@@ -9,6 +9,9 @@
 
 namespace semblance {
 
+/// Focal lengths in widths of the picture, from wide angle to tele.
+inline const std::vector<double> kUsualFocals{0.6, 0.85, 1.2, 1.7, 2.4};
+
 /// The faces of dots, in the object's frame.
 struct DotFace {
   Eigen::Vector3d normal;

@@ -4,7 +4,7 @@
 
 namespace semblance {
 
-std::optional<Eigen::Vector3d> point_from_rays(const std::vector<Ray>& rays) {
+std::optional<Eigen::Vector3d> point_from_rays(const std::vector<Ray>& rays, double least_angle) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (const Ray& ray : rays) {
@@ -16,8 +16,8 @@ std::optional<Eigen::Vector3d> point_from_rays(const std::vector<Ray>& rays) {
     right += across * world_from_camera.translation_m;
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
-  constexpr double least_spread = 0.005;  // square of the sine of a few degrees
-  if (!(eigen.eigenvalues()[0] > least_spread)) return std::nullopt;
+  // Of two rays it is 1 - cos of the angle between them.
+  if (!(eigen.eigenvalues()[0] > 0.5 * least_angle * least_angle)) return std::nullopt;
   return normal.ldlt().solve(right);
 }
 

@@ -16,7 +16,8 @@ struct Ray {
 };
 
 /// The point of the world that the rays come closest to, in least squares of distances. None for
-/// rays that differ by less than a few degrees.
-std::optional<Eigen::Vector3d> point_from_rays(const std::vector<Ray>& rays);
+/// rays that differ by less than an angle: two by less than `least_angle`, in radians.
+std::optional<Eigen::Vector3d> point_from_rays(const std::vector<Ray>& rays,
+                                               double least_angle = 0.1);
 
 }  // namespace semblance

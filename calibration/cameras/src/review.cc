@@ -1,7 +1,6 @@
 #include "semblance/cameras/review.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +15,6 @@ namespace {
 
 constexpr double kSigmas = 3.0;
 constexpr double kVisible_px = 0.3;
-constexpr double kMuchWorse = 2.0;
 
 RigCalibration fit(const std::vector<RigView>& views, const std::vector<Camera>& cameras, bool keep,
                    const std::function<bool()>& cancelled) {
@@ -53,18 +51,6 @@ std::vector<std::optional<RigCalibration>> fit_alone(const std::vector<RigView>&
     }
   }
   return alone;
-}
-
-// Those that fit by themselves and not together, in words; empty if there are none.
-std::string disagreement(const CalibrationReview& review, const std::vector<Camera>& cameras) {
-  std::vector<std::string> worse;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const CameraReview& camera = review.cameras[i];
-    if (!camera.alone_rms_px || camera.refit_rms_px <= kMuchWorse * *camera.alone_rms_px) continue;
-    worse.push_back(fmt::format("{} fits {:.2f} px in the rig, {:.2f} px by itself",
-                                cameras[i].name, camera.refit_rms_px, *camera.alone_rms_px));
-  }
-  return fmt::format("{}", fmt::join(worse, ", "));
 }
 
 void review_lens(const Camera& given, const Camera& refit, const Eigen::MatrixXd& covariance,
@@ -132,9 +118,9 @@ CalibrationReview review_calibration(const std::vector<RigView>& views,
     CameraReview& review = result.cameras.emplace_back();
     review.rms_px = result.given.fits[i].rms_px;
     review.refit_rms_px = result.refit.fits[i].rms_px;
-    if (alone[i]) review.alone_rms_px = alone[i]->fits[0].rms_px;
+    if (alone[i]) result.refit.fits[i].alone_px = alone[i]->fits[0].rms_px;
   }
-  const std::string worse = disagreement(result, cameras);
+  const std::string worse = disagreement(result.refit);
   if (!worse.empty()) {
     result.warnings.push_back(fmt::format(
         "{}: the cameras disagree about the sheet's place. Pictures of one number may be of "

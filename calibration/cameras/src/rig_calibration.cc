@@ -348,6 +348,18 @@ std::vector<RigCameraFit> fits_of(const Adjustment& adjustment, const Start& sta
 
 }  // namespace
 
+std::string disagreement(const RigCalibration& rig) {
+  constexpr double much_worse = 2.0;
+  std::vector<std::string> worse;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const RigCameraFit& fit = rig.fits[c];
+    if (!fit.alone_px || fit.rms_px <= much_worse * *fit.alone_px) continue;
+    worse.push_back(fmt::format("{} fits {:.2f} px in the rig, {:.2f} px by itself",
+                                rig.cameras[c].name, fit.rms_px, *fit.alone_px));
+  }
+  return fmt::format("{}", fmt::join(worse, ", "));
+}
+
 RigCalibration calibrate_rig(const std::vector<RigView>& given,
                              const std::vector<RigCamera>& cameras, const RigOptions& options) {
   std::vector<RigView> views = given;

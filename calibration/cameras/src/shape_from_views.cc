@@ -11,6 +11,7 @@
 #include <set>
 #include <utility>
 
+#include "rays.h"
 #include "semblance/cameras/photo_calibration.h"
 #include "semblance/core/errors.h"
 
@@ -156,41 +157,23 @@ bool ShapeFromViews::start_from_pair(const Camera& camera, const Pair& pair,
 
 /// The place of a point from all views that have a pose, where their rays differ enough.
 std::optional<Vector3d> ShapeFromViews::place_of(const Reconstruction& shape, int track) const {
-  std::vector<Vector3d> centres, rays;
+  std::vector<Camera> cameras;
+  std::vector<Vector2d> pixels_px;
   for (const auto& [index, pose] : shape.camera_from_object) {
     const auto seen = view(index).find(track);
     if (seen == view(index).end()) continue;
-    const Rigid3 object_from_camera = pose.inverse();
-    centres.push_back(object_from_camera.translation_m);
-    rays.push_back((object_from_camera.rotation * unproject(shape.camera, seen->second.pixel_px))
-                       .normalized());
+    cameras.push_back(shape.camera);
+    cameras.back().camera_from_world = pose;
+    pixels_px.push_back(seen->second.pixel_px);
   }
-  if (rays.size() < 2) return std::nullopt;
-  double widest = 1.0;
-  for (const Vector3d& a : rays) {
-    for (const Vector3d& b : rays) widest = std::min(widest, a.dot(b));
-  }
-  if (widest > std::cos(kLeastAngle)) return std::nullopt;
-  // Closest to all rays; weights by the inverse square of the distance make errors angles.
-  std::vector<double> weights(rays.size(), 1.0);
-  Vector3d point = Vector3d::Zero();
-  for (int round = 0; round < 2; ++round) {
-    Matrix3d normal = Matrix3d::Zero();
-    Vector3d right = Vector3d::Zero();
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      const Matrix3d across = weights[i] * (Matrix3d::Identity() - rays[i] * rays[i].transpose());
-      normal += across;
-      right += across * centres[i];
-    }
-    point = normal.ldlt().solve(right);
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      weights[i] = 1.0 / std::max((point - centres[i]).squaredNorm(), 1e-12);
-    }
-  }
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (!((point - centres[i]).dot(rays[i]) > 0.0)) return std::nullopt;
-  }
-  return point;
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < cameras.size(); ++i) rays.push_back({&cameras[i], pixels_px[i]});
+  const auto point = rays.size() < 2 ? std::nullopt : point_from_rays(rays, kLeastAngle);
+  if (!point) return std::nullopt;
+  const bool in_front = std::all_of(cameras.begin(), cameras.end(), [&](const Camera& camera) {
+    return (camera.camera_from_world * *point).z() > 0.0;
+  });
+  return in_front ? point : std::nullopt;
 }
 
 double ShapeFromViews::error_px(const Reconstruction& shape, int index, int track,

@@ -20,8 +20,6 @@ using Eigen::Vector3d;
 constexpr int kStartPictures = 12;  // that the start is sought in
 constexpr int kMostPictures = 40;   // in the adjustment
 constexpr int kCorrections = 2;
-// Focal lengths in widths of the picture, from wide angle to tele.
-const std::vector<double> kUsualFocals{0.6, 0.85, 1.2, 1.7, 2.4};
 
 class UnknownSolver {
  public:

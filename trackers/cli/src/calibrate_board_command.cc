@@ -27,23 +27,13 @@ std::vector<std::string> texts(const std::vector<PictureName>& names) {
   return result;
 }
 
-BoardOptions board_options(const SheetOptions& options) {
-  BoardOptions board;
-  board.lens = *lens_from_name(options.lens);
-  board.aspect = !options.square_pixels;
-  board.principal = !options.centred;
-  board.warp = options.warp;
-  board.keep_outliers = options.keep_outliers;
-  board.cancelled = [] { return interrupted(); };
-  return board;
-}
-
 void run_board(const Context& context, const BoardCommandOptions& options) {
   const auto progress = console_progress();
   const Target asked = parse_target(options.target);
   const SheetPictures pictures = find_sheet(options.files, asked, options.most_frames, *progress);
   const std::vector<std::string> names = texts(pictures.names);
-  BoardCalibration found = calibrate_board(pictures.detections, names, board_options(options));
+  BoardCalibration found =
+      calibrate_board(pictures.detections, names, solver_options<BoardOptions>(options));
   found.camera.name = found.adjustment.survey.cameras[0].name = options.name;
 
   CalibrationReport report;

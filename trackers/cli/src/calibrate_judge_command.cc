@@ -62,7 +62,6 @@ std::vector<SheetPictures> look_for_sheet(const JudgeOptions& options, bool one_
 Json json_of(const Camera& camera, const CameraReview& review) {
   Json json{
       {"name", camera.name}, {"rms_px", review.rms_px}, {"refit_rms_px", review.refit_rms_px}};
-  if (review.alone_rms_px) json["alone_rms_px"] = *review.alone_rms_px;
   if (!review.has_sigma) return json;
   json["lens_change_px"] = review.mean_change_px;
   json["lens_change_sigma_px"] = review.mean_sigma_px;
@@ -119,6 +118,9 @@ void run_judge(const Context& context, const JudgeOptions& options) {
   Json summary{{"target", report.target}, {"cameras", Json::array()}};
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     summary["cameras"].push_back(json_of(cameras[i], review.cameras[i]));
+    if (const auto alone_px = review.refit.fits[i].alone_px) {
+      summary["cameras"].back()["alone_px"] = *alone_px;
+    }
   }
   if (verdict.lengths) {
     summary["scale_error"] = verdict.lengths->scale_error;

@@ -301,7 +301,7 @@ CalibrationReport report_of(const PhotosOptions& options, const Solved& solved) 
   report.title = fs::path(options.folder).filename().string();
   report.target = options.colmap ? "what the photos show, by COLMAP" : "marks in photos";
   for (const Sighting& sighting : solved.calibration.survey.sightings) {
-    const int photo = std::max(sighting.camera, sighting.placement);  // one of them is zero
+    const int photo = options.cameras.empty() ? sighting.placement : sighting.camera;
     report.sighting_names.push_back(solved.photos[static_cast<std::size_t>(photo)]);
   }
   report.notes = solved.notes;

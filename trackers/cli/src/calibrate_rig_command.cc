@@ -119,24 +119,15 @@ void note_pictures_that_do_not_fit(const RigCalibration& found, std::vector<std:
   }
 }
 
-// Cameras that fit their own pictures well, and the rig badly.
 void note_cameras_that_disagree(const RigCalibration& found, const RigCommandOptions& options,
                                 std::vector<std::string>& notes) {
-  constexpr double much_worse = 2.0;
-  std::vector<std::string> worse;
-  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const RigCameraFit& fit = found.fits[c];
-    if (!fit.alone_px || fit.rms_px <= much_worse * *fit.alone_px) continue;
-    worse.push_back(fmt::format("{} fits {:.2f} px in the rig, {:.2f} px by itself",
-                                found.cameras[c].name, fit.rms_px, *fit.alone_px));
-  }
+  const std::string worse = disagreement(found);
   if (worse.empty()) return;
   notes.push_back(fmt::format(
       "{}: the cameras disagree about the sheet's place, and lenses found in the rig suffer. "
       "Pictures of one number may be of different times{}; calibrate lenses with `board` and keep "
       "them",
-      fmt::join(worse, ", "),
-      options.time_offsets ? "" : " (--time-offsets finds what is constant)"));
+      worse, options.time_offsets ? "" : " (--time-offsets finds what is constant)"));
 }
 
 void add_time_offset(const RigCalibration& found, std::size_t camera, Json& summary) {
@@ -153,19 +144,13 @@ void add_time_offset(const RigCalibration& found, std::size_t camera, Json& summ
 
 RigOptions rig_options(const RigCommandOptions& options,
                        const std::vector<SheetPictures>& pictures) {
-  RigOptions rig;
-  rig.lens = *lens_from_name(options.lens);
-  rig.aspect = !options.square_pixels;
-  rig.principal = !options.centred;
-  rig.warp = options.warp;
-  rig.keep_outliers = options.keep_outliers;
+  auto rig = solver_options<RigOptions>(options);
   rig.time_offsets = options.time_offsets;
   if (options.time_offsets) {
     const double rate = pictures[0].frames_per_second[0];
     rig.step_s = 1.0 / rate;
     rig.most_lag = static_cast<int>(std::ceil(options.most_offset_s * rate));
   }
-  rig.cancelled = [] { return interrupted(); };
   return rig;
 }
 

@@ -7,6 +7,8 @@
 #include "commands.h"
 #include "semblance/cameras/rig_calibration.h"
 #include "semblance/cameras/sheet_pictures.h"
+#include "semblance/core/lens.h"
+#include "semblance/core/progress.h"
 
 namespace semblance::cli {
 
@@ -19,6 +21,19 @@ struct SheetOptions {
 };
 
 void add_sheet_options(CLI::App& command, SheetOptions& options);
+
+/// What BoardOptions and RigOptions have in common.
+template <class Options>
+Options solver_options(const SheetOptions& options) {
+  Options result;
+  result.lens = *lens_from_name(options.lens);
+  result.aspect = !options.square_pixels;
+  result.principal = !options.centred;
+  result.warp = options.warp;
+  result.keep_outliers = options.keep_outliers;
+  result.cancelled = [] { return interrupted(); };
+  return result;
+}
 
 /// What the detection warned of, each text once.
 void add_notes(const SheetPictures& pictures, std::vector<std::string>& notes);

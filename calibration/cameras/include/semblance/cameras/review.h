@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,9 +11,8 @@ namespace semblance {
 
 /// One camera as given beside the same camera fitted anew.
 struct CameraReview {
-  double rms_px = 0.0;                 // as given: only the sheet was placed
-  double refit_rms_px = 0.0;           // with everything free
-  std::optional<double> alone_rms_px;  // of a rig: this camera's views alone, everything free
+  double rms_px = 0.0;        // as given: only the sheet was placed
+  double refit_rms_px = 0.0;  // with everything free
   /// How far the projections of the two differ over the picture, less a rotation of the camera; and
   /// the deviation of that, from the fit. Root mean square and greatest. Zero where it is not
   /// known.
@@ -27,7 +25,7 @@ struct CameraReview {
 
 struct CalibrationReview {
   RigCalibration given;  // the cameras kept
-  RigCalibration refit;
+  RigCalibration refit;  // alone_px: of a rig's cameras, everything free
   std::vector<CameraReview> cameras;
   std::vector<std::string> warnings;  // what has changed, in words
 };

@@ -59,6 +59,10 @@ struct RigCalibration {
   std::vector<int> view_of_sighting;
 };
 
+/// The cameras that fit their own views well and the rig badly, with both figures, in words; empty
+/// where there is none. Their pictures of one number may be of different times, or one has moved.
+std::string disagreement(const RigCalibration& rig);
+
 /// Unless a pose is kept, the first camera is the frame: it stands at the world's origin, upright
 /// (Camera::centred). Cameras are chained from pair to pair along the views that they share, then
 /// all is adjusted together.
