@@ -166,6 +166,17 @@ TEST(Photos, StartFromMarksAlone) {
   }
 }
 
+TEST(Photos, AMarkThatOnePhotoShowsLeavesTheScaleAlone) {
+  Random random(31);
+  Survey truth = draped_marks(random);
+  std::erase_if(truth.sightings, [](const Sighting& s) { return s.point == 0 && s.placement > 0; });
+  const std::vector<Eigen::Vector3d> unknown(truth.points_m.size(),
+                                             Eigen::Vector3d::Constant(std::nan("")));
+  const PhotoCalibration found =
+      calibrate_jointly(best_start_from_photos(marks_of_placements(truth), unknown, {}), {});
+  EXPECT_TRUE(found.adjustment->covariance) << found.adjustment->undetermined;
+}
+
 TEST(Photos, MarksAloneMustBeShared) {
   Random random(31);
   Survey truth = draped_marks(random);

@@ -34,14 +34,18 @@ CameraFreedom freedom_of(const PhotoOptions& options) {
   return freedom;
 }
 
-// Where nothing is known of the scale, the length between the first point and the one farthest from
-// it is kept: an unknown scale would leave the equations without a single solution.
+// Where nothing is known of the scale, the length between the first point seen and the one farthest
+// from it is kept: an unknown scale would leave the equations without a single solution.
 std::vector<KnownLength> scale_of(const Survey& survey, const PhotoOptions& options) {
   if (!options.lengths.empty() || !options.known_points.empty()) return options.lengths;
-  KnownLength kept{0, 0, 0.0, 0.0};
-  for (std::size_t i = 1; i < survey.points_m.size(); ++i) {
-    const double length_m = (survey.points_m[i] - survey.points_m[0]).norm();
-    if (length_m > kept.length_m) kept = {0, static_cast<int>(i), length_m, 1e-4 * length_m};
+  if (survey.sightings.empty()) return {};
+  const int first = survey.sightings[0].point;  // one that has a place
+  KnownLength kept{first, first, 0.0, 0.0};
+  for (const Sighting& sighting : survey.sightings) {
+    const double length_m = (survey.points_m[static_cast<std::size_t>(sighting.point)] -
+                             survey.points_m[static_cast<std::size_t>(first)])
+                                .norm();
+    if (length_m > kept.length_m) kept = {first, sighting.point, length_m, 1e-4 * length_m};
   }
   return {kept};
 }
@@ -144,18 +148,11 @@ void move_to_known_points(const std::vector<KnownPoint>& known, const std::vecto
     from.push_back(survey.points_m[at]);
     to.push_back(point.position_m);
   }
-  const auto columns = [](const std::vector<Eigen::Vector3d>& points) -> Eigen::Matrix3Xd {
-    return Eigen::Map<const Eigen::Matrix3Xd>(points.empty() ? nullptr : points[0].data(), 3,
-                                              static_cast<Eigen::Index>(points.size()));
-  };
-  const Similarity move = similarity_between(columns(from), columns(to));
+  const Similarity move = similarity_between(from, to);
   for (std::size_t i = 0; i < survey.points_m.size(); ++i) {
     if (placed[i]) survey.points_m[i] = move * survey.points_m[i];
   }
-  for (Rigid3& pose : survey.world_from_target) {
-    pose.translation_m *= move.scale;
-    pose = pose * move.motion.inverse();
-  }
+  for (Rigid3& pose : survey.world_from_target) pose = moved_pose(move, pose);
 }
 
 // The shape that the photos show, with a placement for each photo.

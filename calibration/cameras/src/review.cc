@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 #include "projection_map.h"
 #include "semblance/cameras/judge.h"
+#include "semblance/core/errors.h"
 
 namespace semblance {
 namespace {
@@ -47,7 +47,8 @@ std::vector<std::optional<RigCalibration>> fit_alone(const std::vector<RigView>&
     }
     try {
       alone[i] = fit(own, {cameras[i]}, false, cancelled);
-    } catch (const std::runtime_error&) {  // too few views, or all alike
+    } catch (const InvalidInput&) {  // too few views, or all alike
+    } catch (const SolverError&) {
     }
   }
   return alone;

@@ -127,12 +127,21 @@ Similarity similarity_between(const Matrix3Xd& from, const Matrix3Xd& to, bool k
   return result;
 }
 
+Similarity similarity_between(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to,
+                              bool keep_scale) {
+  return similarity_between(columns_of(from), columns_of(to), keep_scale);
+}
+
+Rigid3 moved_pose(const Similarity& new_from_old, const Rigid3& camera_from_old) {
+  Rigid3 pose = camera_from_old;
+  pose.translation_m *= new_from_old.scale;
+  return pose * new_from_old.motion.inverse();
+}
+
 void move_scene(Scene& scene, const Similarity& new_from_old) {
   for (auto& [name, point] : scene.points_m) point = new_from_old * point;
   for (Camera& camera : scene.cameras) {
-    Rigid3& pose = camera.camera_from_world;
-    pose.translation_m *= new_from_old.scale;
-    pose = pose * new_from_old.motion.inverse();
+    camera.camera_from_world = moved_pose(new_from_old, camera.camera_from_world);
   }
 }
 
@@ -222,7 +231,7 @@ SceneFrame frame_from_sheet(const Scene& scene, const std::vector<Detection>& de
                     photos, found.size()));
   }
   SceneFrame frame;
-  frame.world_from_scene = similarity_between(columns_of(found), columns_of(known));
+  frame.world_from_scene = similarity_between(found, known);
   frame.rms_m = rms_of(frame.world_from_scene, columns_of(found), columns_of(known));
   frame.has_scale = frame.has_axes = true;
   frame.text = fmt::format("the sheet in {} photos, {} points, {:.3g} mm rms", photos, found.size(),

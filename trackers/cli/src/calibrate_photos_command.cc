@@ -1,4 +1,5 @@
-// `semblance calibrate photos`: one camera's photos of marks, or of anything by COLMAP.
+// `semblance calibrate photos`: one camera's photos of marks, or of anything by COLMAP; or the
+// places of cameras whose lenses are known.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -346,17 +347,18 @@ void run_photos(const Context& context, const PhotosOptions& options) {
   std::optional<MarksFile> marks;
   if (!options.marks.empty()) marks = read_marks(options.marks);
   prepare_output_folder(options.folder);
-  Json summary{{"method", options.colmap ? "colmap" : options.method}, {"lens", options.lens}};
-  const Solved solved = options.colmap            ? solve_by_colmap(options, *progress)
-                        : options.cameras.empty() ? solve_by_marks(options, *marks, summary)
-                                                  : solve_with_lenses(options, *marks);
+  const bool one_camera = options.cameras.empty();
+  Json summary{{"method", options.colmap ? "colmap" : options.method}};
+  if (one_camera) summary["lens"] = options.lens;
+  const Solved solved = options.colmap ? solve_by_colmap(options, *progress)
+                        : one_camera   ? solve_by_marks(options, *marks, summary)
+                                       : solve_with_lenses(options, *marks);
   Scene scene = scene_of(solved, marks);
   const SceneFrame frame = frame_of(scene, solved, marks, options, *progress);
   move_scene(scene, frame.world_from_scene);
 
   const fs::path folder(options.folder);
   const Adjustment& adjustment = *solved.calibration.adjustment;
-  const bool one_camera = options.cameras.empty();
   if (one_camera) write_camera((folder / "camera.json").string(), adjustment.survey.cameras[0]);
   write_rig((folder / "rig.json").string(), {scene.cameras});
   if (!scene.points_m.empty()) write_points((folder / "points.json").string(), scene, marks);
@@ -416,13 +418,15 @@ void add_calibrate_photos_command(CLI::App& calibrate, Context& context) {
       "one of its name; lenses stay as they are, places are sought");
   photos->add_option("--lens", options->lens, "Lens of the camera")
       ->check(CLI::IsMember(lens_names()))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->excludes(cameras);
   photos
       ->add_option("--method", options->method,
                    "joint: all at once; both: beside it the loop of cameras and points in turn, "
                    "for comparison")
       ->check(CLI::IsMember({"joint", "both"}))
-      ->capture_default_str();
+      ->capture_default_str()
+      ->excludes(cameras);
   photos
       ->add_flag("--principal", options->principal,
                  "Seek the principal point; otherwise it is the middle of the picture")

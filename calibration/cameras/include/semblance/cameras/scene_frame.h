@@ -28,6 +28,12 @@ struct Similarity {
 Similarity similarity_between(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to,
                               bool keep_scale = false);
 
+Similarity similarity_between(const std::vector<Eigen::Vector3d>& from,
+                              const std::vector<Eigen::Vector3d>& to, bool keep_scale = false);
+
+/// The pose of a camera when all that it sees, and itself, are moved: it sees the same.
+Rigid3 moved_pose(const Similarity& new_from_old, const Rigid3& camera_from_old);
+
 /// Photos' cameras and points with names in one world.
 struct Scene {
   std::vector<Camera> cameras;
