@@ -1,0 +1,224 @@
+// Exact solves along a grid's warp lines and weft lines, in turn.
+//
+// Cloth is stiff along its yarns and weak in shear, so almost all of the matrix's stiffness, and
+// all of its bending but twist, lies in coupling along single lines. There it is block pentadiagonal
+// and is factored as L D L' without fill.
+#include <algorithm>
+#include <array>
+
+#include <Eigen/LU>
+
+#include "preconditioners.h"
+#include "semblance/core/parallel.h"
+
+namespace semblance {
+namespace {
+
+constexpr int lanes = 16;
+using Lane = float __attribute__((vector_size(4 * lanes)));
+using Block = std::array<Lane, 9>;  // by columns
+
+Lane broadcast(float value) { return Lane{} + value; }
+
+/// c -= a b'.
+void subtract_outer(const Block& a, const Block& b, Block& c) {
+  for (int col = 0; col < 3; ++col) {
+    for (int row = 0; row < 3; ++row) {
+      for (int k = 0; k < 3; ++k) c[3 * col + row] -= a[3 * k + row] * b[3 * k + col];
+    }
+  }
+}
+
+Block multiply(const Block& a, const Block& b) {
+  Block c{};
+  for (int col = 0; col < 3; ++col) {
+    for (int row = 0; row < 3; ++row) {
+      for (int k = 0; k < 3; ++k) c[3 * col + row] += a[3 * k + row] * b[3 * col + k];
+    }
+  }
+  return c;
+}
+
+Block inverse(const Block& m) {
+  const Lane c00 = m[4] * m[8] - m[7] * m[5], c01 = m[7] * m[2] - m[1] * m[8],
+             c02 = m[1] * m[5] - m[4] * m[2];
+  const Lane scale = broadcast(1.0f) / (m[0] * c00 + m[3] * c01 + m[6] * c02);
+  Block out;
+  out[0] = c00 * scale;
+  out[1] = c01 * scale;
+  out[2] = c02 * scale;
+  out[3] = (m[6] * m[5] - m[3] * m[8]) * scale;
+  out[4] = (m[0] * m[8] - m[6] * m[2]) * scale;
+  out[5] = (m[3] * m[2] - m[0] * m[5]) * scale;
+  out[6] = (m[3] * m[7] - m[6] * m[4]) * scale;
+  out[7] = (m[6] * m[1] - m[0] * m[7]) * scale;
+  out[8] = (m[0] * m[4] - m[3] * m[1]) * scale;
+  return out;
+}
+
+/// y -= a x.
+void subtract_product(const Block& a, const std::array<Lane, 3>& x, std::array<Lane, 3>& y) {
+  for (int row = 0; row < 3; ++row) y[row] -= a[row] * x[0] + a[3 + row] * x[1] + a[6 + row] * x[2];
+}
+
+/// y -= a' x.
+void subtract_transposed(const Block& a, const std::array<Lane, 3>& x, std::array<Lane, 3>& y) {
+  for (int row = 0; row < 3; ++row) {
+    y[row] -= a[3 * row] * x[0] + a[3 * row + 1] * x[1] + a[3 * row + 2] * x[2];
+  }
+}
+
+/// All lines of one direction: `length` places each, `lanes` lines side by side.
+class LineSolver {
+ public:
+  LineSolver(const SheetGrid& grid, bool along_warp)
+      : grid_(grid),
+        along_warp_(along_warp),
+        length_(along_warp ? grid.columns : grid.rows),
+        count_(along_warp ? grid.rows : grid.columns) {
+    factors_.resize(static_cast<std::size_t>(pack_count()) * length_);
+  }
+
+  int pack_count() const { return (count_ + lanes - 1) / lanes; }
+
+  void prepare(const BlockMatrix& matrix) {
+    if (place_.empty()) find_places(*matrix.pattern);
+    parallel_for(pack_count(), [&](std::size_t pack) { factor(matrix, static_cast<int>(pack)); });
+  }
+
+  void apply(const BlockVector& r, BlockVector& z) const {
+    z.resize(4, r.cols());
+    parallel_for(pack_count(), [&](std::size_t pack) { solve(static_cast<int>(pack), r, z); });
+  }
+
+ private:
+  struct Factor {
+    Block inverse_pivot, one_back, two_back;  // D^-1 and L's blocks in this row
+  };
+
+  int vertex(int line, int place) const {
+    line = std::min(line, count_ - 1);  // idle lanes repeat the last line
+    return along_warp_ ? grid_.vertex(place, line) : grid_.vertex(line, place);
+  }
+
+  /// Indices of the blocks one and two back, or -1, so that preparing does not search.
+  void find_places(const BlockPattern& pattern) {
+    place_.resize(static_cast<std::size_t>(count_) * length_);
+    for (int line = 0; line < count_; ++line) {
+      for (int i = 0; i < length_; ++i) {
+        const int v = vertex(line, i);
+        place_[static_cast<std::size_t>(line) * length_ + i] = {
+            pattern.diagonal[v], i > 0 ? pattern.find(v, vertex(line, i - 1)) : -1,
+            i > 1 ? pattern.find(v, vertex(line, i - 2)) : -1};
+      }
+    }
+  }
+
+  void load(const BlockMatrix& matrix, int pack, int i, int which, Block& out) const {
+    for (int lane = 0; lane < lanes; ++lane) {
+      const int line = std::min(pack * lanes + lane, count_ - 1);
+      const int k = place_[static_cast<std::size_t>(line) * length_ + i][which];
+      for (int c = 0; c < 3; ++c) {
+        for (int r = 0; r < 3; ++r) {
+          out[3 * c + r][lane] = k < 0 ? 0.0f : matrix.blocks[k][4 * c + r];
+        }
+      }
+    }
+  }
+
+  void factor(const BlockMatrix& matrix, int pack) {
+    Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
+    Block pivot[2] = {};  // of the two rows before
+    for (int i = 0; i < length_; ++i) {
+      Block diagonal, one, two;
+      load(matrix, pack, i, 0, diagonal);
+      load(matrix, pack, i, 1, one);
+      load(matrix, pack, i, 2, two);
+      Factor& row = rows[i];
+      row.one_back = row.two_back = Block{};
+      if (i > 1) {
+        row.two_back = multiply(two, rows[i - 2].inverse_pivot);
+        // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
+        subtract_outer(two, rows[i - 1].one_back, one);
+        subtract_outer(row.two_back, two, diagonal);
+      }
+      if (i > 0) {
+        row.one_back = multiply(one, rows[i - 1].inverse_pivot);
+        subtract_outer(row.one_back, one, diagonal);
+      }
+      row.inverse_pivot = inverse(diagonal);
+    }
+    (void)pivot;
+  }
+
+  void solve(int pack, const BlockVector& r, BlockVector& z) const {
+    using Vector = std::array<Lane, 3>;
+    const Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
+    std::vector<Vector> y(length_);
+    for (int i = 0; i < length_; ++i) {
+      for (int lane = 0; lane < lanes; ++lane) {
+        const float* in = r.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
+        for (int c = 0; c < 3; ++c) y[i][c][lane] = in[c];
+      }
+      if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
+      if (i > 1) subtract_product(rows[i].two_back, y[i - 2], y[i]);
+    }
+    for (int i = length_ - 1; i >= 0; --i) {
+      Vector scaled{};
+      subtract_product(rows[i].inverse_pivot, y[i], scaled);
+      for (int c = 0; c < 3; ++c) y[i][c] = -scaled[c];
+      if (i + 1 < length_) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
+      if (i + 2 < length_) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
+      const int used = std::min(lanes, count_ - pack * lanes);
+      for (int lane = 0; lane < used; ++lane) {
+        float* out = z.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
+        for (int c = 0; c < 3; ++c) out[c] = y[i][c][lane];
+        out[3] = 0.0f;
+      }
+    }
+  }
+
+  SheetGrid grid_;
+  bool along_warp_;
+  int length_, count_;
+  std::vector<std::array<int, 3>> place_;
+  std::vector<Factor> factors_;
+};
+
+/// Warp lines, weft lines, warp lines: symmetric Gauss-Seidel over the two directions.
+class Lines : public Preconditioner {
+ public:
+  explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false) {}
+
+  void prepare(const BlockMatrix& matrix) override {
+    matrix_ = &matrix;
+    warp_.prepare(matrix);
+    weft_.prepare(matrix);
+  }
+
+  void apply(const BlockVector& r, BlockVector& z) override {
+    warp_.apply(r, z);
+    correct(weft_, r, z);
+    correct(warp_, r, z);
+  }
+
+ private:
+  void correct(const LineSolver& lines, const BlockVector& r, BlockVector& z) {
+    matrix_->multiply(z, residual_);
+    residual_ = r - residual_;
+    lines.apply(residual_, step_);
+    z += step_;
+  }
+
+  LineSolver warp_, weft_;
+  const BlockMatrix* matrix_ = nullptr;
+  BlockVector residual_, step_;
+};
+
+}  // namespace
+
+std::unique_ptr<Preconditioner> make_lines(const SheetGrid& grid) {
+  return std::make_unique<Lines>(grid);
+}
+
+}  // namespace semblance

@@ -1,0 +1,193 @@
+#include "semblance/cloth/sheet.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+
+#include "semblance/core/errors.h"
+
+namespace semblance {
+namespace {
+
+double signed_area(const Sheet& sheet, int t) {
+  const Eigen::Vector2d a = sheet.material_m.row(sheet.triangles(t, 0));
+  const Eigen::Vector2d ab = sheet.material_m.row(sheet.triangles(t, 1)).transpose() - a;
+  const Eigen::Vector2d ac = sheet.material_m.row(sheet.triangles(t, 2)).transpose() - a;
+  return 0.5 * (ab.x() * ac.y() - ab.y() * ac.x());
+}
+
+int divisions(double side_m, double spacing_m, const char* name) {
+  if (!(spacing_m > 0.0) || !(side_m >= 2.0 * spacing_m * (1.0 - 1e-9))) {
+    throw InvalidInput(fmt::format(
+        "sheet: {} {} m with spacing {} m: at least two spacings must fit into each side", name,
+        side_m, spacing_m));
+  }
+  return static_cast<int>(std::lround(side_m / spacing_m));
+}
+
+/// Two triangles to each quad; the diagonals alternate, so that contact favours no direction.
+Triangles split_quads(const SheetGrid& grid) {
+  Triangles triangles(2 * (grid.columns - 1) * (grid.rows - 1), 3);
+  int t = 0;
+  for (int j = 0; j + 1 < grid.rows; ++j) {
+    for (int i = 0; i + 1 < grid.columns; ++i) {
+      const int a = grid.vertex(i, j), b = a + 1, d = grid.vertex(i, j + 1), c = d + 1;
+      if ((i + j) % 2 == 0) {
+        triangles.row(t++) << a, b, c;
+        triangles.row(t++) << a, c, d;
+      } else {
+        triangles.row(t++) << a, b, d;
+        triangles.row(t++) << b, c, d;
+      }
+    }
+  }
+  return triangles;
+}
+
+}  // namespace
+
+Eigen::VectorXd Sheet::vertex_areas_m2() const {
+  Eigen::VectorXd areas = Eigen::VectorXd::Zero(vertex_count());
+  if (grid) {
+    const double quarter = 0.25 * grid->warp_spacing_m * grid->weft_spacing_m;
+    for (int j = 0; j + 1 < grid->rows; ++j) {
+      for (int i = 0; i + 1 < grid->columns; ++i) {
+        for (const int v : {grid->vertex(i, j), grid->vertex(i + 1, j), grid->vertex(i, j + 1),
+                            grid->vertex(i + 1, j + 1)}) {
+          areas[v] += quarter;
+        }
+      }
+    }
+    return areas;
+  }
+  for (int t = 0; t < triangles.rows(); ++t) {
+    for (int k = 0; k < 3; ++k) areas[triangles(t, k)] += signed_area(*this, t) / 3.0;
+  }
+  return areas;
+}
+
+Mesh Sheet::mesh(const Points& positions_m) const {
+  Mesh mesh;
+  mesh.positions_m = positions_m;
+  mesh.triangles = triangles;
+  const Eigen::RowVector2d low = material_m.colwise().minCoeff();
+  const double side = (material_m.colwise().maxCoeff() - low).maxCoeff();
+  mesh.uvs = ((material_m.rowwise() - low) / side).cast<float>();
+  return mesh;
+}
+
+Sheet make_rectangle(double warp_m, double weft_m, double spacing_m) {
+  SheetGrid grid;
+  const int along = divisions(warp_m, spacing_m, "warp side");
+  const int across = divisions(weft_m, spacing_m, "weft side");
+  if (static_cast<double>(along + 1) * (across + 1) > 16e6) {
+    throw InvalidInput(fmt::format("sheet: {} x {} quads are too many; choose a wider spacing",
+                                   along, across));
+  }
+  grid.columns = along + 1;
+  grid.rows = across + 1;
+  grid.warp_spacing_m = warp_m / along;
+  grid.weft_spacing_m = weft_m / across;
+  Sheet sheet;
+  sheet.material_m.resize(grid.columns * grid.rows, 2);
+  for (int j = 0; j < grid.rows; ++j) {
+    for (int i = 0; i < grid.columns; ++i) {
+      sheet.material_m.row(grid.vertex(i, j)) << i * grid.warp_spacing_m, j * grid.weft_spacing_m;
+    }
+  }
+  sheet.triangles = split_quads(grid);
+  sheet.grid = grid;
+  return sheet;
+}
+
+Sheet make_disc(double radius_m, double spacing_m) {
+  const int rings = divisions(radius_m, spacing_m, "radius");
+  std::vector<Eigen::Vector2d> points{Eigen::Vector2d::Zero()};
+  std::vector<Eigen::Vector3i> triangles;
+  int inner_first = 0, inner_count = 1;
+  for (int ring = 1; ring <= rings; ++ring) {
+    const double radius = radius_m * ring / rings;
+    const int count = 6 * ring, first = static_cast<int>(points.size());
+    for (int k = 0; k < count; ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / count;
+      points.push_back(radius * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    }
+    // Around the ring, the next triangle takes its new corner where the angle grows least.
+    int outer = 0, inner = 0;
+    while (outer < count || (inner < inner_count && inner_count > 1)) {
+      const int o0 = first + outer % count, o1 = first + (outer + 1) % count;
+      const int i0 = inner_first + inner % inner_count;
+      const int i1 = inner_first + (inner + 1) % inner_count;
+      const bool step_outer =
+          inner_count == 1 || inner == inner_count ||
+          (outer < count && (outer + 0.5) * inner_count <= (inner + 0.5) * count);
+      if (step_outer) {
+        triangles.emplace_back(i0, o0, o1);
+        ++outer;
+      } else {
+        triangles.emplace_back(i0, o0, i1);
+        ++inner;
+      }
+    }
+    inner_first = first;
+    inner_count = count;
+  }
+  Sheet sheet;
+  sheet.material_m.resize(static_cast<Eigen::Index>(points.size()), 2);
+  for (std::size_t i = 0; i < points.size(); ++i) sheet.material_m.row(i) = points[i];
+  sheet.triangles.resize(static_cast<Eigen::Index>(triangles.size()), 3);
+  for (std::size_t t = 0; t < triangles.size(); ++t) sheet.triangles.row(t) = triangles[t];
+  return sheet;
+}
+
+Sheet make_sheet(const Mesh& mesh, const std::string& source) {
+  if (mesh.uvs.rows() != mesh.vertex_count()) {
+    throw InvalidInput(source +
+                       ": the mesh has no texture coordinates; a cloth needs them, in metres, as "
+                       "places in the fabric (u along the warp, v along the weft)");
+  }
+  Sheet sheet;
+  sheet.material_m = mesh.uvs.cast<double>();
+  sheet.triangles = mesh.triangles;
+  validate(sheet, source);
+  return sheet;
+}
+
+void validate(const Sheet& sheet, const std::string& source) {
+  std::vector<bool> used(sheet.vertex_count(), false);
+  std::map<std::pair<int, int>, int> edges;  // directed
+  for (int t = 0; t < sheet.triangles.rows(); ++t) {
+    const double area = signed_area(sheet, t);
+    const Eigen::Vector2d side = sheet.material_m.row(sheet.triangles(t, 1)) -
+                                 sheet.material_m.row(sheet.triangles(t, 0));
+    if (!(area > 1e-9 * side.squaredNorm())) {
+      throw InvalidInput(fmt::format(
+          "{}: triangle {} is {} in the fabric; all triangles must be counter-clockwise in (u, v) "
+          "and have an area: mend the texture coordinates",
+          source, t + 1, area < 0.0 ? "inverted" : "without area"));
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int a = sheet.triangles(t, k), b = sheet.triangles(t, (k + 1) % 3);
+      used[a] = true;
+      if (!edges.emplace(std::make_pair(a, b), t).second) {
+        throw InvalidInput(
+            fmt::format("{}: triangles {} and {} run through the edge of vertices {} and {} in the "
+                        "same direction: the mesh is not a manifold surface; each edge may have "
+                        "two triangles, on either side",
+                        source, edges.at({a, b}) + 1, t + 1, a + 1, b + 1));
+      }
+    }
+  }
+  const auto unused = std::find(used.begin(), used.end(), false);
+  if (unused != used.end()) {
+    throw InvalidInput(fmt::format("{}: vertex {} belongs to no triangle; remove it", source,
+                                   unused - used.begin() + 1));
+  }
+}
+
+}  // namespace semblance
