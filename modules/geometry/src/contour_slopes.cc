@@ -15,13 +15,13 @@ struct Chords {
   Rows slope;
 };
 
-Chords chords_of(const std::vector<double>& heights, const Grid& values) {
+Chords chords_of(const std::vector<double>& heights, const Rows& values) {
   const Index segments = values.rows() - 1;
   Chords chords{Eigen::ArrayXd(segments), Rows(segments, values.cols())};
   for (Index i = 0; i < segments; ++i) {
     chords.length[i] = heights[i + 1] - heights[i];
     if (!(chords.length[i] > 0.0)) throw InvalidInput("contours: heights must increase");
-    chords.slope.row(i) = (values.row(i + 1) - values.row(i)).cast<double>() / chords.length[i];
+    chords.slope.row(i) = (values.row(i + 1) - values.row(i)) / chords.length[i];
   }
   return chords;
 }
@@ -154,7 +154,16 @@ Grid contour_slopes(const std::vector<double>& heights_m, const Grid& values_m, 
   if (values_m.rows() < 2 || static_cast<Index>(heights_m.size()) != values_m.rows()) {
     throw InvalidInput("contours: at least two are needed, and as many heights as contours");
   }
-  return slopes_by(rule, chords_of(heights_m, values_m)).cast<float>();
+  return slopes_by(rule, chords_of(heights_m, values_m.cast<double>())).cast<float>();
+}
+
+Eigen::ArrayXd curve_slopes(const std::vector<double>& x, const std::vector<double>& values,
+                            SlopeRule rule) {
+  if (x.size() < 2 || x.size() != values.size()) {
+    throw InvalidInput("a curve needs two points at least, and as many values as places");
+  }
+  const Eigen::Map<const Eigen::ArrayXd> column(values.data(), static_cast<Index>(values.size()));
+  return slopes_by(rule, chords_of(x, column)).col(0);
 }
 
 }  // namespace semblance

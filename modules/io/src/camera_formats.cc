@@ -12,7 +12,7 @@
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/conventions.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

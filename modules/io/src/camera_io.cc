@@ -11,7 +11,7 @@
 #include "semblance/core/errors.h"
 #include "semblance/io/json_file.h"
 #include "semblance/io/json_reader.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

@@ -10,7 +10,7 @@
 #include "colmap_files.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace colmap {

@@ -8,7 +8,7 @@
 
 #include "colmap_files.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance::colmap {
 namespace {

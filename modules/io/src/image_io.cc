@@ -16,8 +16,8 @@
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/conventions.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/text.h"
 #include "semblance/io/video.h"
-#include "text.h"
 
 namespace semblance {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

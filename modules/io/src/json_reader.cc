@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 

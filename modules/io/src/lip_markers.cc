@@ -5,7 +5,7 @@
 #include "parsers.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

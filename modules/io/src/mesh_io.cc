@@ -1,7 +1,7 @@
 #include "semblance/io/mesh_io.h"
 
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

@@ -6,7 +6,7 @@
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/mesh_io.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

@@ -13,7 +13,7 @@
 #include "camera_format.h"
 #include "parsers.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

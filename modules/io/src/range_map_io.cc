@@ -14,7 +14,7 @@
 #include "range_map_header.h"
 #include "semblance/core/atomic_file.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

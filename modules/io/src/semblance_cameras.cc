@@ -3,7 +3,7 @@
 
 #include "camera_format.h"
 #include "semblance/io/camera_io.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

@@ -1,4 +1,4 @@
-#include "text.h"
+#include "semblance/io/text.h"
 
 #include <cctype>
 #include <cerrno>

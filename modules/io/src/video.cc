@@ -15,7 +15,7 @@ extern "C" {
 
 #include "opencv_image.h"
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "semblance/core/errors.h"
-#include "text.h"
+#include "semblance/io/text.h"
 
 namespace semblance::yaml {
 namespace {

@@ -23,5 +23,8 @@ std::string slope_rule_name(SlopeRule rule);
 /// Slopes dr/dh at `heights_m` (increasing) of curves through `values_m`, one curve per column and
 /// one contour per row, each column by itself. At least two contours; throws InvalidInput.
 Grid contour_slopes(const std::vector<double>& heights_m, const Grid& values_m, SlopeRule rule);
+/// The same for one curve through `values` at increasing `x`, in double precision.
+Eigen::ArrayXd curve_slopes(const std::vector<double>& x, const std::vector<double>& values,
+                            SlopeRule rule);
 
 }  // namespace semblance

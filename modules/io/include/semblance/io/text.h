@@ -1,4 +1,4 @@
-// Bounded reading of text files, shared by this module's readers.
+// Bounded reading of text files, shared by all readers.
 #pragma once
 
 #include <cstddef>
