@@ -32,8 +32,8 @@ std::vector<std::vector<int>> neighbours_of(const Deformation& deformation, int 
 Assembly::Assembly(const Deformation& deformation, int vertex_count, std::vector<bool> fixed)
     : pattern_(make_pattern(neighbours_of(deformation, vertex_count))), fixed_(std::move(fixed)) {
   for (int r = 0; r < vertex_count; ++r) {
-    for (int k = pattern_.diagonal[r]; k < pattern_.begin[r + 1]; ++k) {
-      if (!is_fixed(r) && !is_fixed(pattern_.column[k])) upper_.push_back(k);
+    for (int k = pattern_.diagonal[r] + 1; k < pattern_.begin[r + 1]; ++k) {
+      if (!is_fixed(r) || !is_fixed(pattern_.column[k])) upper_.push_back(k);
     }
   }
   add_row_shares(deformation);
@@ -66,7 +66,7 @@ void Assembly::add_row_shares(const Deformation& deformation) {
   for (int e = 0; e < deformation.row_count(); ++e) {
     for (const StrainEntry& i : deformation.row(e)) {
       for (const StrainEntry& j : deformation.row(e)) {
-        if (j.vertex < i.vertex) continue;
+        if (j.vertex <= i.vertex) continue;
         const float weight = static_cast<float>(i.coefficient * j.coefficient);
         loose.emplace_back(pattern_.find(i.vertex, j.vertex), Share{e, weight});
       }
@@ -84,10 +84,10 @@ void Assembly::add_shear_shares(const Deformation& deformation) {
     for (const StrainEntry& i : deformation.row(a + pair)) {
       for (const StrainEntry& j : deformation.row(b + pair)) {
         const float weight = static_cast<float>(i.coefficient * j.coefficient);
-        if (i.vertex <= j.vertex) {
+        if (i.vertex < j.vertex) {
           loose.emplace_back(pattern_.find(i.vertex, j.vertex), Share{pair, weight});
         }
-        if (j.vertex <= i.vertex) {
+        if (j.vertex < i.vertex) {
           transposed.emplace_back(pattern_.find(j.vertex, i.vertex), Share{pair, weight});
         }
       }
@@ -122,15 +122,9 @@ void Assembly::assemble_block(const StrainHessian& hessian, int k,
 void Assembly::assemble(const StrainHessian& hessian, BlockMatrix& out) const {
   out.pattern = &pattern_;
   out.couplings.clear();
-  if (static_cast<int>(out.blocks.size()) != pattern_.block_count()) {
-    out.blocks.assign(pattern_.block_count(), {});
-    for (int r = 0; r < pattern_.row_count(); ++r) {
-      if (is_fixed(r)) {
-        std::array<float, 12>& block = out.blocks[pattern_.diagonal[r]];
-        block[0] = block[5] = block[10] = 1.0f;
-      }
-    }
-  }
+  out.blocks.resize(pattern_.block_count());
+  out.own.assign(pattern_.row_count(), {});
+  out.fixed = fixed_;
   const int count = static_cast<int>(upper_.size());
   parallel_for((count + chunk_blocks - 1) / chunk_blocks, [&](std::size_t chunk) {
     const int begin = static_cast<int>(chunk) * chunk_blocks;
@@ -138,7 +132,6 @@ void Assembly::assemble(const StrainHessian& hessian, BlockMatrix& out) const {
       std::array<float, 12>& block = out.blocks[upper_[k]];
       assemble_block(hessian, k, block);
       const int mirror = pattern_.mirror[upper_[k]];
-      if (mirror == upper_[k]) continue;
       for (int c = 0; c < 3; ++c) {
         for (int r = 0; r < 3; ++r) out.blocks[mirror][4 * c + r] = block[4 * r + c];
       }

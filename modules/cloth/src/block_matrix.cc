@@ -10,19 +10,26 @@ namespace {
 constexpr int chunk_rows = 1024;
 
 using Float4 = float __attribute__((vector_size(16)));
+using Double4 = double __attribute__((vector_size(32)));
 
-Float4 load(const float* p) {
+Double4 load(const float* p) {
   Float4 v;
+  __builtin_memcpy(&v, p, sizeof(v));
+  return __builtin_convertvector(v, Double4);
+}
+
+Double4 load(const double* p) {
+  Double4 v;
   __builtin_memcpy(&v, p, sizeof(v));
   return v;
 }
 
 /// Adds what a coupling gives beyond its diagonal blocks.
 void add_mixed(const Coupling& coupling, const BlockVector& x, BlockVector& y) {
-  const auto& s = coupling.stiffness;
-  Eigen::Matrix3f k;
+  const Symmetric3& s = coupling.stiffness;
+  Eigen::Matrix3d k;
   k << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
-  Eigen::Vector3f motion = Eigen::Vector3f::Zero();
+  Eigen::Vector3d motion = Eigen::Vector3d::Zero();
   for (int i = 0; i < 4 && coupling.vertex[i] >= 0; ++i) {
     motion += coupling.weight[i] * x.col(coupling.vertex[i]).head<3>();
   }
@@ -67,17 +74,48 @@ BlockPattern make_pattern(std::vector<std::vector<int>> neighbours) {
   return pattern;
 }
 
+void BlockMatrix::complete_diagonal() {
+  const int rows = pattern->row_count();
+  diagonal.resize(rows);
+  parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
+    const int end = std::min(rows, (static_cast<int>(c) + 1) * chunk_rows);
+    for (int r = static_cast<int>(c) * chunk_rows; r < end; ++r) {
+      if (!fixed.empty() && fixed[r]) {
+        diagonal[r] = {1, 0, 0, 1, 0, 1};
+        continue;
+      }
+      std::array<double, 6> sum{};
+      for (int k = pattern->begin[r]; k < pattern->begin[r + 1]; ++k) {
+        if (k == pattern->diagonal[r]) continue;
+        const auto& b = blocks[k];
+        sum[0] -= b[0], sum[1] -= b[1], sum[2] -= b[2];
+        sum[3] -= b[5], sum[4] -= b[6], sum[5] -= b[10];
+      }
+      for (int i = 0; i < 6; ++i) diagonal[r][i] = sum[i] + own[r][i];
+    }
+  });
+}
+
 void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
   const int rows = pattern->row_count();
   y.resize(4, rows);
   parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
     const int end = std::min(rows, (static_cast<int>(c) + 1) * chunk_rows);
     for (int r = static_cast<int>(c) * chunk_rows; r < end; ++r) {
-      Float4 sum = {0.0f, 0.0f, 0.0f, 0.0f};
-      for (int k = pattern->begin[r]; k < pattern->begin[r + 1]; ++k) {
-        const float* block = blocks[k].data();
-        const float* v = x.data() + 4 * static_cast<std::ptrdiff_t>(pattern->column[k]);
-        sum += load(block) * v[0] + load(block + 4) * v[1] + load(block + 8) * v[2];
+      const Double4 mine = load(x.data() + 4 * static_cast<std::ptrdiff_t>(r));
+      Double4 sum = mine;
+      if (fixed.empty() || !fixed[r]) {
+        const Symmetric3& s = own[r];
+        sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] + Double4{s[1], s[3], s[4], 0.0} * mine[1] +
+              Double4{s[2], s[4], s[5], 0.0} * mine[2];
+        const auto add = [&](int k) {
+          const float* block = blocks[k].data();
+          const Double4 v =
+              load(x.data() + 4 * static_cast<std::ptrdiff_t>(pattern->column[k])) - mine;
+          sum += load(block) * v[0] + load(block + 4) * v[1] + load(block + 8) * v[2];
+        };
+        for (int k = pattern->begin[r]; k < pattern->diagonal[r]; ++k) add(k);
+        for (int k = pattern->diagonal[r] + 1; k < pattern->begin[r + 1]; ++k) add(k);
       }
       __builtin_memcpy(y.data() + 4 * static_cast<std::ptrdiff_t>(r), &sum, sizeof(sum));
     }

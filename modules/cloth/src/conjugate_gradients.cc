@@ -1,3 +1,4 @@
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -39,27 +40,32 @@ class ConjugateGradients : public LinearSolver {
     matrix_->multiply(x, q_);
     r_ = b - q_;
     double residual = std::sqrt(dot(r_, r_));
-    double rho = 0.0;
-    while (residual > goal && out.iterations < most_iterations) {
+    double rho = 0.0, model = 0.0;
+    while (residual > 1e-6 * goal / tolerance && out.iterations < most_iterations) {
       preconditioner_->apply(r_, z_);
       const double next_rho = dot(r_, z_);
       if (out.iterations == 0) {
         p_ = z_;
       } else {
-        p_ = z_ + static_cast<float>(next_rho / rho) * p_;
+        p_ = z_ + (next_rho / rho) * p_;
       }
       rho = next_rho;
       matrix_->multiply(p_, q_);
       const double curvature = dot(p_, q_);
       if (!(curvature > 0.0) || !(rho > 0.0)) {
-        out.negative_curvature = true;
+        out.negative_curvature = true; if (getenv("DBG")) fprintf(stderr, "CG it %d rho %.3e curv %.3e rr %.3e zz %.3e\n", out.iterations, rho, curvature, dot(r_,r_), dot(z_,z_));
         break;
       }
-      const float alpha = static_cast<float>(rho / curvature);
+      const double alpha = rho / curvature;
       x += alpha * p_;
       r_ -= alpha * q_;
       residual = std::sqrt(dot(r_, r_));
       ++out.iterations;
+      // Nash and Sofer (1990): by what the model of the energy still gains, since the residual's
+      // norm hears only stiff modes.
+      const double gain = 0.5 * rho * rho / curvature;
+      model += gain;
+      if (out.iterations * gain <= tolerance * model) break;
     }
     out.relative_residual = goal > 0.0 ? residual / goal * tolerance : 0.0;
     return out;
@@ -78,21 +84,22 @@ class Jacobi : public Preconditioner {
     const BlockPattern& pattern = *matrix.pattern;
     inverse_.resize(pattern.row_count());
     for (int r = 0; r < pattern.row_count(); ++r) {
-      const Eigen::Map<const Eigen::Matrix<float, 4, 3>> block(
-          matrix.blocks[pattern.diagonal[r]].data());
-      inverse_[r] = block.topRows<3>().cast<double>().inverse().cast<float>();
+      const auto& d = matrix.diagonal[r];
+      Eigen::Matrix3d block;
+      block << d[0], d[1], d[2], d[1], d[3], d[4], d[2], d[4], d[5];
+      inverse_[r] = block.inverse();
     }
   }
   void apply(const BlockVector& r, BlockVector& z) override {
     z.resize(4, r.cols());
     for (Eigen::Index i = 0; i < r.cols(); ++i) {
       z.col(i).head<3>() = inverse_[i] * r.col(i).head<3>();
-      z(3, i) = 0.0f;
+      z(3, i) = 0.0;
     }
   }
 
  private:
-  std::vector<Eigen::Matrix3f> inverse_;
+  std::vector<Eigen::Matrix3d> inverse_;
 };
 
 }  // namespace

@@ -12,24 +12,20 @@ namespace {
 void add_stiffness(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
                    const Eigen::Matrix3d& stiffness, const Assembly& assembly,
                    BlockMatrix& matrix) {
+  const std::array<double, 6> symmetric{stiffness(0, 0), stiffness(0, 1), stiffness(0, 2),
+                                        stiffness(1, 1), stiffness(1, 2), stiffness(2, 2)};
   Coupling coupling{{-1, -1, -1, -1}, {}, {}};
   int used = 0;
   for (int i = 0; i < 4 && vertex[i] >= 0; ++i) {
     if (assembly.is_fixed(vertex[i]) || weight[i] == 0.0) continue;
     coupling.vertex[used] = vertex[i];
     coupling.weight[used++] = static_cast<float>(weight[i]);
-    std::array<float, 12>& block = matrix.blocks[matrix.pattern->diagonal[vertex[i]]];
-    for (int c = 0; c < 3; ++c) {
-      for (int r = 0; r < 3; ++r) {
-        block[4 * c + r] += static_cast<float>(weight[i] * weight[i] * stiffness(r, c));
-      }
-    }
+    const double square = weight[i] * weight[i];
+    Symmetric3& own = matrix.own[vertex[i]];
+    for (int k = 0; k < 6; ++k) own[k] += static_cast<float>(square * symmetric[k]);
   }
   if (used < 2) return;
-  coupling.stiffness = {
-      static_cast<float>(stiffness(0, 0)), static_cast<float>(stiffness(0, 1)),
-      static_cast<float>(stiffness(0, 2)), static_cast<float>(stiffness(1, 1)),
-      static_cast<float>(stiffness(1, 2)), static_cast<float>(stiffness(2, 2))};
+  for (int k = 0; k < 6; ++k) coupling.stiffness[k] = static_cast<float>(symmetric[k]);
   matrix.couplings.push_back(coupling);
 }
 

@@ -14,11 +14,9 @@
 namespace semblance {
 namespace {
 
-constexpr int lanes = 16;
-using Lane = float __attribute__((vector_size(4 * lanes)));
+constexpr int lanes = 8;
+using Lane = double __attribute__((vector_size(8 * lanes)));
 using Block = std::array<Lane, 9>;  // by columns
-
-Lane broadcast(float value) { return Lane{} + value; }
 
 /// c -= a b'.
 void subtract_outer(const Block& a, const Block& b, Block& c) {
@@ -39,20 +37,18 @@ Block multiply(const Block& a, const Block& b) {
   return c;
 }
 
+/// Of a symmetric block.
 Block inverse(const Block& m) {
-  const Lane c00 = m[4] * m[8] - m[7] * m[5], c01 = m[7] * m[2] - m[1] * m[8],
-             c02 = m[1] * m[5] - m[4] * m[2];
-  const Lane scale = broadcast(1.0f) / (m[0] * c00 + m[3] * c01 + m[6] * c02);
+  const Lane c00 = m[4] * m[8] - m[7] * m[7], c01 = m[6] * m[7] - m[3] * m[8],
+                 c02 = m[3] * m[7] - m[6] * m[4];
+  const Lane scale = 1.0 / (m[0] * c00 + m[3] * c01 + m[6] * c02);
   Block out;
   out[0] = c00 * scale;
-  out[1] = c01 * scale;
-  out[2] = c02 * scale;
-  out[3] = (m[6] * m[5] - m[3] * m[8]) * scale;
-  out[4] = (m[0] * m[8] - m[6] * m[2]) * scale;
-  out[5] = (m[3] * m[2] - m[0] * m[5]) * scale;
-  out[6] = (m[3] * m[7] - m[6] * m[4]) * scale;
-  out[7] = (m[6] * m[1] - m[0] * m[7]) * scale;
-  out[8] = (m[0] * m[4] - m[3] * m[1]) * scale;
+  out[1] = out[3] = c01 * scale;
+  out[2] = out[6] = c02 * scale;
+  out[4] = (m[0] * m[8] - m[6] * m[6]) * scale;
+  out[5] = out[7] = (m[3] * m[6] - m[0] * m[7]) * scale;
+  out[8] = (m[0] * m[4] - m[3] * m[3]) * scale;
   return out;
 }
 
@@ -108,47 +104,50 @@ class LineSolver {
       for (int i = 0; i < length_; ++i) {
         const int v = vertex(line, i);
         place_[static_cast<std::size_t>(line) * length_ + i] = {
-            pattern.diagonal[v], i > 0 ? pattern.find(v, vertex(line, i - 1)) : -1,
+            i > 0 ? pattern.find(v, vertex(line, i - 1)) : -1,
             i > 1 ? pattern.find(v, vertex(line, i - 2)) : -1};
       }
     }
   }
 
-  void load(const BlockMatrix& matrix, int pack, int i, int which, Block& out) const {
+  void load(const BlockMatrix& matrix, int pack, int i, int back, Block& out) const {
     for (int lane = 0; lane < lanes; ++lane) {
       const int line = std::min(pack * lanes + lane, count_ - 1);
-      const int k = place_[static_cast<std::size_t>(line) * length_ + i][which];
+      const int k = place_[static_cast<std::size_t>(line) * length_ + i][back - 1];
       for (int c = 0; c < 3; ++c) {
         for (int r = 0; r < 3; ++r) {
-          out[3 * c + r][lane] = k < 0 ? 0.0f : matrix.blocks[k][4 * c + r];
+          out[3 * c + r][lane] = k < 0 ? 0.0 : matrix.blocks[k][4 * c + r];
         }
       }
     }
   }
 
+  void load_diagonal(const BlockMatrix& matrix, int pack, int i, Block& out) const {
+    for (int lane = 0; lane < lanes; ++lane) {
+      const auto& d = matrix.diagonal[vertex(pack * lanes + lane, i)];
+      constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
+      for (int k = 0; k < 9; ++k) out[k][lane] = d[place[k]];
+    }
+  }
+
   void factor(const BlockMatrix& matrix, int pack) {
     Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
-    Block pivot[2] = {};  // of the two rows before
+    Block pivot[2] = {}, one_back = {};  // inverse pivots one and two back, L one row up
     for (int i = 0; i < length_; ++i) {
       Block diagonal, one, two;
-      load(matrix, pack, i, 0, diagonal);
+      load_diagonal(matrix, pack, i, diagonal);
       load(matrix, pack, i, 1, one);
       load(matrix, pack, i, 2, two);
-      Factor& row = rows[i];
-      row.one_back = row.two_back = Block{};
-      if (i > 1) {
-        row.two_back = multiply(two, rows[i - 2].inverse_pivot);
-        // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
-        subtract_outer(two, rows[i - 1].one_back, one);
-        subtract_outer(row.two_back, two, diagonal);
-      }
-      if (i > 0) {
-        row.one_back = multiply(one, rows[i - 1].inverse_pivot);
-        subtract_outer(row.one_back, one, diagonal);
-      }
-      row.inverse_pivot = inverse(diagonal);
+      // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
+      const Block two_back = multiply(two, pivot[1]);
+      subtract_outer(two, one_back, one);
+      subtract_outer(two_back, two, diagonal);
+      one_back = multiply(one, pivot[0]);
+      subtract_outer(one_back, one, diagonal);
+      pivot[1] = pivot[0];
+      pivot[0] = inverse(diagonal);
+      rows[i] = {pivot[0], one_back, two_back};
     }
-    (void)pivot;
   }
 
   void solve(int pack, const BlockVector& r, BlockVector& z) const {
@@ -157,7 +156,7 @@ class LineSolver {
     std::vector<Vector> y(length_);
     for (int i = 0; i < length_; ++i) {
       for (int lane = 0; lane < lanes; ++lane) {
-        const float* in = r.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
+        const double* in = r.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
         for (int c = 0; c < 3; ++c) y[i][c][lane] = in[c];
       }
       if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
@@ -171,9 +170,9 @@ class LineSolver {
       if (i + 2 < length_) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
       const int used = std::min(lanes, count_ - pack * lanes);
       for (int lane = 0; lane < used; ++lane) {
-        float* out = z.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
+        double* out = z.data() + 4 * static_cast<std::ptrdiff_t>(vertex(pack * lanes + lane, i));
         for (int c = 0; c < 3; ++c) out[c] = y[i][c][lane];
-        out[3] = 0.0f;
+        out[3] = 0.0;
       }
     }
   }
@@ -181,7 +180,7 @@ class LineSolver {
   SheetGrid grid_;
   bool along_warp_;
   int length_, count_;
-  std::vector<std::array<int, 3>> place_;
+  std::vector<std::array<int, 2>> place_;
   std::vector<Factor> factors_;
 };
 

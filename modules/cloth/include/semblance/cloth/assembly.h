@@ -20,7 +20,8 @@ class Assembly {
 
   const BlockPattern& pattern() const { return pattern_; }
   bool is_fixed(int vertex) const { return !fixed_.empty() && fixed_[vertex]; }
-  /// D' H D into `out.blocks`; `out.couplings` is emptied.
+  /// The mixed blocks of D' H D into `out`; `out.own` is zeroed and `out.couplings` emptied, for
+  /// the caller to add to and then to complete the diagonal.
   void assemble(const StrainHessian& hessian, BlockMatrix& out) const;
 
  private:
@@ -35,7 +36,7 @@ class Assembly {
 
   BlockPattern pattern_;
   std::vector<bool> fixed_;
-  std::vector<int> upper_;  // blocks on and above the diagonal between free vertices
+  std::vector<int> upper_;  // blocks above the diagonal, but for those between fixed vertices
   // Shares of the blocks in `upper_`, in stretches.
   std::vector<int> row_begin_, shear_begin_, shear_transposed_begin_;
   std::vector<Share> row_shares_, shear_shares_, shear_transposed_shares_;

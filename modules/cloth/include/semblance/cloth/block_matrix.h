@@ -8,8 +8,8 @@
 
 namespace semblance {
 
-/// One float vector of three coordinates and a padding per vertex: what solvers work on.
-using BlockVector = Eigen::Matrix<float, 4, Eigen::Dynamic>;
+/// Three coordinates and a padding per vertex: what solvers work on.
+using BlockVector = Eigen::Matrix<double, 4, Eigen::Dynamic>;
 
 /// Which blocks may differ from zero. Rows are sorted, and hold both halves and the diagonal.
 struct BlockPattern {
@@ -35,13 +35,28 @@ struct Coupling {
   std::array<float, 6> stiffness;  // xx, xy, xz, yy, yz, zz
 };
 
-/// Blocks by columns, padded to four rows. The couplings are part of the matrix: their diagonal
-/// blocks are in `blocks` already, their mixed ones only here.
+/// Symmetric part of a block: xx, xy, xz, yy, yz, zz.
+using Symmetric3 = std::array<float, 6>;
+
+/// The Hessian of an energy that does not change when everything moves together, plus a block
+/// `own` on each diagonal: (A x)_i = sum_{j != i} A_ij (x_j - x_i) + own_i x_i. In this form blocks
+/// may be rounded to single precision, which halves the traffic: stiffness of thousands still
+/// cancels exactly in motions that stretch nothing, and leaves the weak stiffness against bending
+/// and shear.
+///
+/// Blocks are by columns, padded to four rows; those of the diagonal are unused. `diagonal` holds
+/// what they sum up to, for preconditioners, in double precision, so that factoring finds the weak
+/// stiffness too. Couplings are counted there and in `own`, their mixed blocks only here.
 struct BlockMatrix {
   const BlockPattern* pattern = nullptr;
   std::vector<std::array<float, 12>> blocks;
+  std::vector<Symmetric3> own;
+  std::vector<std::array<double, 6>> diagonal;
+  std::vector<bool> fixed;  // rows of the identity, or empty; x must be zero there
   std::vector<Coupling> couplings;
 
+  /// Sets `diagonal` from the other blocks and `own`.
+  void complete_diagonal();
   /// y = A x, on several threads.
   void multiply(const BlockVector& x, BlockVector& y) const;
 };

@@ -1,0 +1,114 @@
+// A sheet of fabric among obstacles, and its motion.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "semblance/cloth/assembly.h"
+#include "semblance/cloth/contact.h"
+#include "semblance/cloth/contact_force.h"
+#include "semblance/cloth/linear_solver.h"
+#include "semblance/cloth/sheet_energy.h"
+
+namespace semblance {
+
+/// What is simulated.
+struct ClothScene {
+  Sheet sheet;
+  Fabric fabric;
+  SheetModel model;
+  Points start_m;                 // positions at the start
+  std::vector<int> fixed;         // vertices that are held where they are
+  std::vector<Obstacle> obstacles;
+  bool self_contact = true;
+  Eigen::Vector3d gravity_m_s2 = {0.0, -9.80665, 0.0};
+};
+
+/// Everything that later steps depend on.
+struct ClothState {
+  double time_s = 0.0;
+  Points positions_m, velocities_m_s;
+  Points previous_positions_m, previous_velocities_m_s;  // one step back, for BDF2; may be empty
+  double previous_step_s = 0.0;
+  SheetMemory memory;
+  FrictionMemory friction;
+};
+
+enum class TimeScheme {
+  explicit_euler,  // symplectic: velocities first; steps below the stability limit
+  implicit_euler,
+  bdf2,         // variable steps; its first step is implicit Euler's
+  quasistatic,  // implicit Euler from standstill: no step keeps a velocity
+};
+
+/// How steps are solved.
+struct StepOptions {
+  TimeScheme scheme = TimeScheme::implicit_euler;
+  std::string linear_solver = "lines";
+  double linear_tolerance = 0.1;
+  /// A step is solved when the forces that are left are below this fraction of the weight (both
+  /// root sums of squares over the vertices).
+  double tolerance = 1e-3;
+  int most_newton_iterations = 30;
+  HessianKind hessian = HessianKind::convex;
+};
+
+/// What a step did.
+struct StepReport {
+  bool solved = false;
+  int newton_iterations = 0;
+  int linear_iterations = 0;
+  double residual = 0.0;  // as StepOptions::tolerance
+};
+
+/// Where time went, in seconds of the wall clock.
+struct ClothTiming {
+  double total_s = 0.0, contact_s = 0.0, energy_s = 0.0, assembly_s = 0.0, linear_s = 0.0;
+};
+
+/// Steps a ClothState. Every implicit step minimises its incremental potential by Newton's method
+/// with line search; see cloth_system.cc.
+class ClothSystem {
+ public:
+  /// Throws InvalidInput where the scene cannot be simulated.
+  explicit ClothSystem(ClothScene scene, const StepOptions& options = {});
+  ~ClothSystem();
+
+  const ClothScene& scene() const { return scene_; }
+  const Eigen::VectorXd& masses_kg() const { return masses_kg_; }
+  SheetEnergy& energy() { return energy_; }
+  ContactFinder& contacts() { return finder_; }
+  const ClothTiming& timing() const { return timing_; }
+  StepOptions& options() { return options_; }
+
+  ClothState start();
+  StepReport step(ClothState& state, double step_s);
+
+  /// Forces that are not balanced at rest, over the weight (root sums of squares), with the
+  /// friction that the state remembers.
+  double rest_residual(const ClothState& state);
+
+ private:
+  struct Step;
+  StepReport solve(Step& step, Points& x);
+  double value(const Step& step, const Points& x);
+  double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
+  double weight_norm() const;
+
+  ClothScene scene_;
+  StepOptions options_;
+  Eigen::VectorXd masses_kg_;
+  std::vector<bool> fixed_;
+  SheetEnergy energy_;
+  Assembly assembly_;
+  ContactFinder finder_;
+  ContactLaw law_;
+  std::unique_ptr<LinearSolver> solver_;
+  BlockMatrix matrix_;
+  StrainHessian strain_hessian_;
+  ClothTiming timing_;
+};
+
+}  // namespace semblance

@@ -1,0 +1,262 @@
+// Every implicit step minimises
+//
+//     sum_i m_i |x_i - y_i|^2 / (2 h^2) + a sum_i m_i |x_i - c_i|^2 / (2 h) + E(x) + friction(x)
+//
+// over the positions x at its end: y is where the vertices would be without forces, c where they
+// would be if they stood still, h the step times the scheme's factor, a the mass part of damping, E
+// gravity, the sheet's energy and the barriers of contacts. (Martin et al., SIGGRAPH 2011; Li et
+// al. 2020.) A minimum exists for every step, so steps fail only for want of accuracy.
+#include "semblance/cloth/cloth_system.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "semblance/core/errors.h"
+
+namespace semblance {
+namespace {
+
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& total_s) : total_s_(total_s) {}
+  ~Stopwatch() {
+    total_s_ +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  double& total_s_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+std::vector<bool> flags(const std::vector<int>& fixed, Eigen::Index vertices) {
+  std::vector<bool> out;
+  if (fixed.empty()) return out;
+  out.assign(vertices, false);
+  for (const int v : fixed) {
+    if (v < 0 || v >= vertices) {
+      throw InvalidInput(fmt::format("cloth: fixed vertex {} of {}", v, vertices));
+    }
+    out[v] = true;
+  }
+  return out;
+}
+
+ContactFinder make_finder(const ClothScene& scene) {
+  ContactSurface surface;
+  surface.rest_positions_m.resize(scene.sheet.vertex_count(), 3);
+  surface.rest_positions_m << scene.sheet.material_m,
+      Eigen::VectorXd::Zero(scene.sheet.vertex_count());
+  surface.triangles = scene.sheet.triangles;
+  surface.vertex_area_m2 = scene.sheet.vertex_areas_m2();
+  ContactOptions options;
+  options.reach_m = scene.fabric.thickness_m;
+  options.self_contact = scene.self_contact;
+  return ContactFinder(surface, scene.obstacles, options);
+}
+
+}  // namespace
+
+struct ClothSystem::Step {
+  double step_s = 0.0;
+  double inertia = 0.0;  // 1 / h^2
+  double drag = 0.0;     // a / h
+  Points inertial, still;  // y and c
+  FrictionStep friction;
+};
+
+ClothSystem::ClothSystem(ClothScene scene, const StepOptions& options)
+    : scene_(std::move(scene)),
+      options_(options),
+      masses_kg_(scene_.sheet.vertex_areas_m2() * scene_.fabric.area_density_kg_m2),
+      fixed_(flags(scene_.fixed, scene_.sheet.vertex_count())),
+      energy_(scene_.sheet, scene_.fabric, scene_.model, fixed_),
+      assembly_(energy_.deformation(), static_cast<int>(scene_.sheet.vertex_count()), fixed_),
+      finder_(make_finder(scene_)),
+      solver_(make_linear_solver(options.linear_solver, scene_.sheet)) {
+  law_.friction = scene_.fabric.friction;
+}
+
+ClothSystem::~ClothSystem() = default;
+
+ClothState ClothSystem::start() {
+  ClothState state;
+  state.positions_m = scene_.start_m;
+  state.velocities_m_s = Points::Zero(scene_.start_m.rows(), 3);
+  Points rest(scene_.sheet.vertex_count(), 3);
+  rest << scene_.sheet.material_m, Eigen::VectorXd::Zero(scene_.sheet.vertex_count());
+  state.memory = energy_.memory_at(rest);
+  finder_.update(state.positions_m, 0.0);
+  return state;
+}
+
+double ClothSystem::weight_norm() const {
+  return masses_kg_.norm() * std::max(scene_.gravity_m_s2.norm(), 1e-9);
+}
+
+double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradient,
+                                BlockMatrix* matrix) {
+  double value = 0.0;
+  {
+    const Stopwatch watch(timing_.energy_s);
+    value = matrix == nullptr
+                ? energy_.gradient(x, gradient)
+                : energy_.hessian(x, options_.hessian, gradient, strain_hessian_);
+  }
+  if (matrix != nullptr) {
+    const Stopwatch watch(timing_.assembly_s);
+    assembly_.assemble(strain_hessian_, *matrix);
+    for (Eigen::Index v = 0; v < x.rows(); ++v) {
+      if (assembly_.is_fixed(static_cast<int>(v))) continue;
+      const float shift = static_cast<float>(masses_kg_[v] * (step.inertia + step.drag));
+      for (const int k : {0, 3, 5}) matrix->own[v][k] += shift;
+    }
+  }
+  {
+    const Stopwatch watch(timing_.contact_s);
+    value += add_barriers(finder_.contacts(x), law_, &gradient, &assembly_, matrix);
+    value += step.friction.add_gradient(x, gradient, &assembly_, matrix);
+  }
+  if (matrix != nullptr) {
+    const Stopwatch watch(timing_.assembly_s);
+    matrix->complete_diagonal();
+  }
+  for (Eigen::Index v = 0; v < x.rows(); ++v) {
+    const Eigen::RowVector3d from_y = x.row(v) - step.inertial.row(v);
+    const Eigen::RowVector3d from_c = x.row(v) - step.still.row(v);
+    value += masses_kg_[v] * (0.5 * step.inertia * from_y.squaredNorm() +
+                              0.5 * step.drag * from_c.squaredNorm() -
+                              scene_.gravity_m_s2.dot(x.row(v)));
+    gradient.row(v) += masses_kg_[v] * (step.inertia * from_y + step.drag * from_c -
+                                        scene_.gravity_m_s2.transpose());
+    if (assembly_.is_fixed(static_cast<int>(v))) gradient.row(v).setZero();
+  }
+  return value;
+}
+
+double ClothSystem::value(const Step& step, const Points& x) {
+  double value = 0.0;
+  {
+    const Stopwatch watch(timing_.energy_s);
+    value = energy_.energy(x);
+  }
+  {
+    const Stopwatch watch(timing_.contact_s);
+    value += add_barriers(finder_.contacts(x), law_, nullptr, nullptr, nullptr);
+    value += step.friction.energy(x);
+  }
+  for (Eigen::Index v = 0; v < x.rows(); ++v) {
+    value += masses_kg_[v] *
+             (0.5 * step.inertia * (x.row(v) - step.inertial.row(v)).squaredNorm() +
+              0.5 * step.drag * (x.row(v) - step.still.row(v)).squaredNorm() -
+              scene_.gravity_m_s2.dot(x.row(v)));
+  }
+  return value;
+}
+
+StepReport ClothSystem::solve(Step& step, Points& x) {
+  StepReport report;
+  Points gradient, direction(x.rows(), 3), trial;
+  BlockVector b(4, x.rows()), p;
+  b.setZero();
+  const double weight = weight_norm();
+  double current = 0.0;
+  for (;;) {
+    current = derivatives(step, x, gradient, &matrix_);
+    report.residual = gradient.norm() / weight;
+    if (report.residual <= options_.tolerance) {
+      report.solved = true;
+      return report;
+    }
+    if (report.newton_iterations == options_.most_newton_iterations) return report;
+    {
+      const Stopwatch watch(timing_.linear_s);
+      b.topRows<3>() = -gradient.transpose();
+      p.setZero(4, x.rows());
+      solver_->prepare(matrix_);
+      const LinearSolution solution = solver_->solve(b, options_.linear_tolerance, p);
+      report.linear_iterations += solution.iterations;
+    }
+    ++report.newton_iterations;
+    direction = p.topRows<3>().transpose();
+    const double slope = gradient.cwiseProduct(direction).sum();
+    if (!(slope < 0.0)) return report;
+    double fraction = 1.0;
+    {
+      const Stopwatch watch(timing_.contact_s);
+      fraction = finder_.max_step(x, direction);
+    }
+    for (;;) {
+      trial = x + fraction * direction;
+      {
+        const Stopwatch watch(timing_.contact_s);
+        finder_.update(trial);
+      }
+      const double next = value(step, trial);
+      if (next <= current + 1e-4 * fraction * slope) break;
+      fraction *= 0.5;
+      if (fraction < 1e-6) {
+        finder_.update(x);
+        return report;
+      }
+    }
+    if (getenv("DBG")) { Eigen::Index w; gradient.rowwise().norm().maxCoeff(&w); fprintf(stderr,"   worst %ld uv %.3f %.3f g %.2e %.2e %.2e pos %.4f %.5f %.4f dir %.1e %.1e %.1e\n", (long)w, scene_.sheet.material_m(w,0),scene_.sheet.material_m(w,1),gradient(w,0),gradient(w,1),gradient(w,2),x(w,0),x(w,1),x(w,2),direction(w,0),direction(w,1),direction(w,2)); }
+    if (getenv("DBG")) fprintf(stderr, "  newton %d res %.2e lin %d cfrac pmax %.2e fraction %.3g E %.9e slope %.2e\n", report.newton_iterations, report.residual, report.linear_iterations, direction.rowwise().norm().maxCoeff(), fraction, current, slope);
+    x.swap(trial);
+  }
+}
+
+StepReport ClothSystem::step(ClothState& state, double step_s) {
+  const Stopwatch watch(timing_.total_s);
+  Step step;
+  step.step_s = step_s;
+  const bool still = options_.scheme == TimeScheme::quasistatic;
+  double h = step_s;
+  step.still = state.positions_m;
+  step.inertial = state.positions_m;
+  if (options_.scheme == TimeScheme::bdf2 && state.previous_step_s > 0.0) {
+    // Variable-step BDF2: x1 = a x0 + b x-1 + h v1, the same for v.
+    const double ratio = step_s / state.previous_step_s;
+    const double a = (1.0 + ratio) * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+    const double b = -ratio * ratio / (1.0 + 2.0 * ratio);
+    h = step_s * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+    step.still = a * state.positions_m + b * state.previous_positions_m;
+    step.inertial =
+        step.still + h * (a * state.velocities_m_s + b * state.previous_velocities_m_s);
+  } else if (!still) {
+    step.inertial += h * state.velocities_m_s;
+  }
+  step.inertia = 1.0 / (h * h);
+  step.drag = still ? 0.0 : scene_.fabric.mass_damping_1_s / h;
+  const double loss_step_s = still ? std::numeric_limits<double>::infinity() : step_s;
+  energy_.begin_step(state.positions_m, state.memory, loss_step_s);
+  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m,
+                               loss_step_s, law_, state.friction);
+  Points x = state.positions_m;
+  const StepReport report = solve(step, x);
+  state.previous_positions_m = std::move(state.positions_m);
+  state.previous_velocities_m_s = state.velocities_m_s;
+  state.previous_step_s = step_s;
+  state.velocities_m_s = (x - step.still) / h;
+  energy_.end_step(x, state.memory);
+  state.friction = step.friction.memory(x);
+  state.positions_m = std::move(x);
+  state.time_s += step_s;
+  return report;
+}
+
+double ClothSystem::rest_residual(const ClothState& state) {
+  Step step;
+  step.inertial = step.still = state.positions_m;
+  energy_.begin_step(state.positions_m, state.memory, std::numeric_limits<double>::infinity());
+  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m,
+                               std::numeric_limits<double>::infinity(), law_, state.friction);
+  Points gradient;
+  derivatives(step, state.positions_m, gradient, nullptr);
+  return gradient.norm() / weight_norm();
+}
+
+}  // namespace semblance
