@@ -24,6 +24,23 @@ Double4 load(const double* p) {
   return v;
 }
 
+/// Row r of A x, without couplings.
+inline Double4 product(const BlockMatrix& a, const double* x, int r) {
+  const Double4 mine = load(x + 4 * static_cast<std::ptrdiff_t>(r));
+  if (!a.fixed.empty() && a.fixed[r]) return mine;
+  const Symmetric3& s = a.own[r];
+  Double4 sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] + Double4{s[1], s[3], s[4], 0.0} * mine[1] +
+                Double4{s[2], s[4], s[5], 0.0} * mine[2];
+  const BlockPattern& pattern = *a.pattern;
+  for (int k = pattern.begin[r]; k < pattern.begin[r + 1]; ++k) {
+    // The diagonal's own block meets x_r - x_r.
+    const float* block = a.blocks[k].data();
+    const Double4 v = load(x + 4 * static_cast<std::ptrdiff_t>(pattern.column[k])) - mine;
+    sum += load(block) * v[0] + load(block + 4) * v[1] + load(block + 8) * v[2];
+  }
+  return sum;
+}
+
 /// Adds what a coupling gives beyond its diagonal blocks.
 void add_mixed(const Coupling& coupling, const BlockVector& x, BlockVector& y) {
   const Symmetric3& s = coupling.stiffness;
@@ -96,27 +113,20 @@ void BlockMatrix::complete_diagonal() {
   });
 }
 
+Eigen::Vector4d BlockMatrix::row_product(const BlockVector& x, int r) const {
+  Eigen::Vector4d out;
+  const Double4 sum = product(*this, x.data(), r);
+  __builtin_memcpy(out.data(), &sum, sizeof(sum));
+  return out;
+}
+
 void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
   const int rows = pattern->row_count();
   y.resize(4, rows);
   parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
     const int end = std::min(rows, (static_cast<int>(c) + 1) * chunk_rows);
     for (int r = static_cast<int>(c) * chunk_rows; r < end; ++r) {
-      const Double4 mine = load(x.data() + 4 * static_cast<std::ptrdiff_t>(r));
-      Double4 sum = mine;
-      if (fixed.empty() || !fixed[r]) {
-        const Symmetric3& s = own[r];
-        sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] + Double4{s[1], s[3], s[4], 0.0} * mine[1] +
-              Double4{s[2], s[4], s[5], 0.0} * mine[2];
-        const auto add = [&](int k) {
-          const float* block = blocks[k].data();
-          const Double4 v =
-              load(x.data() + 4 * static_cast<std::ptrdiff_t>(pattern->column[k])) - mine;
-          sum += load(block) * v[0] + load(block + 4) * v[1] + load(block + 8) * v[2];
-        };
-        for (int k = pattern->begin[r]; k < pattern->diagonal[r]; ++k) add(k);
-        for (int k = pattern->diagonal[r] + 1; k < pattern->begin[r + 1]; ++k) add(k);
-      }
+      const Double4 sum = product(*this, x.data(), r);
       __builtin_memcpy(y.data() + 4 * static_cast<std::ptrdiff_t>(r), &sum, sizeof(sum));
     }
   });

@@ -64,7 +64,7 @@ TrianglePoint closest_on_triangle(const Vector3d& p, const Vector3d& a, const Ve
   const double longest2 = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
   if (!(area2 > 1e-24 * longest2 * longest2)) return closest_on_longest_side(p, a, b, c);
   const double va = bp.cross(cp).dot(normal), vb = cp.cross(ap).dot(normal);
-  const double vc = area2 - va - vb;
+  const double vc = ap.cross(bp).dot(normal);
 
   if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
     const double t = d1 / (d1 - d3);
@@ -78,9 +78,8 @@ TrianglePoint closest_on_triangle(const Vector3d& p, const Vector3d& a, const Ve
     const double t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
     return point_of(p, a, b, c, {0.0, 1.0 - t, t});
   }
-  return point_of(
-      p, a, b, c,
-      {std::max(va, 0.0) / area2, std::max(vb, 0.0) / area2, std::max(vc, 0.0) / area2});
+  const Vector3d weight = Vector3d(va, vb, vc).cwiseMax(0.0);
+  return point_of(p, a, b, c, weight / weight.sum());
 }
 
 SegmentPoints closest_on_segments(const Vector3d& a0, const Vector3d& a1, const Vector3d& b0,

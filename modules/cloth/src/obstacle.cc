@@ -128,6 +128,7 @@ class Prism : public Solid {
       edges.push_back({n + std::min(k, next), n + std::max(k, next)});
       edges.push_back({k, n + k});
     }
+    std::sort(edges.begin(), edges.end());
   }
 
   Mesh mesh() const override {

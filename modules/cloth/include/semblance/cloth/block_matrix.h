@@ -57,6 +57,8 @@ struct BlockMatrix {
 
   /// Sets `diagonal` from the other blocks and `own`.
   void complete_diagonal();
+  /// Row `r` of A x, without couplings.
+  Eigen::Vector4d row_product(const BlockVector& x, int r) const;
   /// y = A x, on several threads.
   void multiply(const BlockVector& x, BlockVector& y) const;
 };

@@ -36,7 +36,7 @@ class Solid {
 
   double rounding_m = 0.0;
   Points corners_m;                       // of the core; none for a plane
-  std::vector<std::array<int, 2>> edges;  // of the core, pairs of corners
+  std::vector<std::array<int, 2>> edges;  // of the core: corners, smaller first; sorted
   Triangles faces;                        // of the core, outward; none for a segment or point
 };
 
