@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "row_product.h"
 #include "semblance/core/parallel.h"
 
 namespace semblance {
@@ -9,52 +10,20 @@ namespace {
 
 constexpr int chunk_rows = 1024;
 
-using Float4 = float __attribute__((vector_size(16)));
-using Double4 = double __attribute__((vector_size(32)));
-
-Double4 load(const float* p) {
-  Float4 v;
-  __builtin_memcpy(&v, p, sizeof(v));
-  return __builtin_convertvector(v, Double4);
+SEMBLANCE_WIDE void multiply_rows(const BlockMatrix& a, const double* x, double* y, int first,
+                                  int last) {
+  const int* begin = a.pattern->begin.data();
+  const int* column = a.pattern->column.data();
+  for (int r = first; r < last; ++r) {
+    const Double4 sum = row_product(a, begin, column, x, r);
+    __builtin_memcpy(y + 4 * static_cast<std::ptrdiff_t>(r), &sum, sizeof(sum));
+  }
 }
 
-Double4 load(const double* p) {
-  Double4 v;
-  __builtin_memcpy(&v, p, sizeof(v));
-  return v;
-}
-
-/// Row r of A x, without couplings.
-inline Double4 product(const BlockMatrix& a, const double* x, int r) {
-  const Double4 mine = load(x + 4 * static_cast<std::ptrdiff_t>(r));
-  if (!a.fixed.empty() && a.fixed[r]) return mine;
-  const Symmetric3& s = a.own[r];
-  Double4 sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] + Double4{s[1], s[3], s[4], 0.0} * mine[1] +
-                Double4{s[2], s[4], s[5], 0.0} * mine[2];
-  const BlockPattern& pattern = *a.pattern;
-  for (int k = pattern.begin[r]; k < pattern.begin[r + 1]; ++k) {
-    // The diagonal's own block meets x_r - x_r.
-    const float* block = a.blocks[k].data();
-    const Double4 v = load(x + 4 * static_cast<std::ptrdiff_t>(pattern.column[k])) - mine;
-    sum += load(block) * v[0] + load(block + 4) * v[1] + load(block + 8) * v[2];
-  }
-  return sum;
-}
-
-/// Adds what a coupling gives beyond its diagonal blocks.
-void add_mixed(const Coupling& coupling, const BlockVector& x, BlockVector& y) {
-  const Symmetric3& s = coupling.stiffness;
-  Eigen::Matrix3d k;
-  k << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
-  Eigen::Vector3d motion = Eigen::Vector3d::Zero();
-  for (int i = 0; i < 4 && coupling.vertex[i] >= 0; ++i) {
-    motion += coupling.weight[i] * x.col(coupling.vertex[i]).head<3>();
-  }
-  for (int i = 0; i < 4 && coupling.vertex[i] >= 0; ++i) {
-    const int v = coupling.vertex[i];
-    y.col(v).head<3>() +=
-        coupling.weight[i] * (k * (motion - coupling.weight[i] * x.col(v).head<3>()));
-  }
+Eigen::Matrix3d full(const Symmetric3& s) {
+  Eigen::Matrix3d m;
+  m << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
+  return m;
 }
 
 }  // namespace
@@ -91,6 +60,41 @@ BlockPattern make_pattern(std::vector<std::vector<int>> neighbours) {
   return pattern;
 }
 
+void BlockMatrix::add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
+                      const Eigen::Matrix3d& stiffness) {
+  const Symmetric3 k{static_cast<float>(stiffness(0, 0)), static_cast<float>(stiffness(0, 1)),
+                     static_cast<float>(stiffness(0, 2)), static_cast<float>(stiffness(1, 1)),
+                     static_cast<float>(stiffness(1, 2)), static_cast<float>(stiffness(2, 2))};
+  const auto add_scaled = [&](Symmetric3& to, double scale) {
+    for (int i = 0; i < 6; ++i) to[i] += static_cast<float>(scale) * k[i];
+  };
+  const auto add_block = [&](int at, double scale) {
+    constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
+    for (int i = 0; i < 9; ++i) {
+      blocks[at][4 * (i / 3) + i % 3] += static_cast<float>(scale) * k[place[i]];
+    }
+  };
+  const auto is_free = [&](int v) { return fixed.empty() || !fixed[v]; };
+  for (int i = 0; i < 4 && vertex[i] >= 0; ++i) {
+    if (is_free(vertex[i])) add_scaled(own[vertex[i]], weight[i] * weight[i]);
+    for (int j = 0; j < i; ++j) {
+      if (!is_free(vertex[i]) || !is_free(vertex[j])) continue;
+      const double scale = weight[i] * weight[j];
+      const int at = pattern->find(vertex[i], vertex[j]);
+      if (at < 0) {
+        couplings.push_back({vertex[i], vertex[j], {}});
+        add_scaled(couplings.back().block, scale);
+        continue;
+      }
+      // Blocks in the pattern act on differences: `own` makes up for it.
+      add_block(at, scale);
+      add_block(pattern->mirror[at], scale);
+      add_scaled(own[vertex[i]], scale);
+      add_scaled(own[vertex[j]], scale);
+    }
+  }
+}
+
 void BlockMatrix::complete_diagonal() {
   const int rows = pattern->row_count();
   diagonal.resize(rows);
@@ -113,24 +117,21 @@ void BlockMatrix::complete_diagonal() {
   });
 }
 
-Eigen::Vector4d BlockMatrix::row_product(const BlockVector& x, int r) const {
-  Eigen::Vector4d out;
-  const Double4 sum = product(*this, x.data(), r);
-  __builtin_memcpy(out.data(), &sum, sizeof(sum));
-  return out;
-}
-
 void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
   const int rows = pattern->row_count();
   y.resize(4, rows);
   parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
-    const int end = std::min(rows, (static_cast<int>(c) + 1) * chunk_rows);
-    for (int r = static_cast<int>(c) * chunk_rows; r < end; ++r) {
-      const Double4 sum = product(*this, x.data(), r);
-      __builtin_memcpy(y.data() + 4 * static_cast<std::ptrdiff_t>(r), &sum, sizeof(sum));
-    }
+    const int first = static_cast<int>(c) * chunk_rows;
+    multiply_rows(*this, x.data(), y.data(), first, std::min(rows, first + chunk_rows));
   });
-  for (const Coupling& coupling : couplings) add_mixed(coupling, x, y);
+  for (const Coupling& coupling : couplings) {
+    const Eigen::Matrix3d block = full(coupling.block);
+    y.col(coupling.row).head<3>() += block * x.col(coupling.column).head<3>();
+    y.col(coupling.column).head<3>() += block * x.col(coupling.row).head<3>();
+  }
+  for (std::size_t r = 0; r < fixed.size(); ++r) {
+    if (fixed[r]) y.col(r) = x.col(r);
+  }
 }
 
 }  // namespace semblance

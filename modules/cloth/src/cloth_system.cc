@@ -78,6 +78,7 @@ ClothSystem::ClothSystem(ClothScene scene, const StepOptions& options)
       finder_(make_finder(scene_)),
       solver_(make_linear_solver(options.linear_solver, scene_.sheet)) {
   law_.friction = scene_.fabric.friction;
+  law_.barrier_pa = (getenv("P0") ? atof(getenv("P0")) : 100.0) * scene_.fabric.area_density_kg_m2 * 9.81;
 }
 
 ClothSystem::~ClothSystem() = default;
@@ -117,8 +118,8 @@ double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradi
   }
   {
     const Stopwatch watch(timing_.contact_s);
-    value += add_barriers(finder_.contacts(x), law_, &gradient, &assembly_, matrix);
-    value += step.friction.add_gradient(x, gradient, &assembly_, matrix);
+    value += add_barriers(finder_.contacts(x), law_, &gradient, matrix);
+    value += step.friction.add_gradient(x, gradient, matrix);
   }
   if (matrix != nullptr) {
     const Stopwatch watch(timing_.assembly_s);
@@ -145,7 +146,7 @@ double ClothSystem::value(const Step& step, const Points& x) {
   }
   {
     const Stopwatch watch(timing_.contact_s);
-    value += add_barriers(finder_.contacts(x), law_, nullptr, nullptr, nullptr);
+    value += add_barriers(finder_.contacts(x), law_, nullptr, nullptr);
     value += step.friction.energy(x);
   }
   for (Eigen::Index v = 0; v < x.rows(); ++v) {

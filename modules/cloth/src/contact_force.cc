@@ -8,27 +8,6 @@
 namespace semblance {
 namespace {
 
-/// Adds stiffness K of the relative motion sum_i weight_i x_i.
-void add_stiffness(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
-                   const Eigen::Matrix3d& stiffness, const Assembly& assembly,
-                   BlockMatrix& matrix) {
-  const std::array<double, 6> symmetric{stiffness(0, 0), stiffness(0, 1), stiffness(0, 2),
-                                        stiffness(1, 1), stiffness(1, 2), stiffness(2, 2)};
-  Coupling coupling{{-1, -1, -1, -1}, {}, {}};
-  int used = 0;
-  for (int i = 0; i < 4 && vertex[i] >= 0; ++i) {
-    if (assembly.is_fixed(vertex[i]) || weight[i] == 0.0) continue;
-    coupling.vertex[used] = vertex[i];
-    coupling.weight[used++] = static_cast<float>(weight[i]);
-    const double square = weight[i] * weight[i];
-    Symmetric3& own = matrix.own[vertex[i]];
-    for (int k = 0; k < 6; ++k) own[k] += static_cast<float>(square * symmetric[k]);
-  }
-  if (used < 2) return;
-  for (int k = 0; k < 6; ++k) coupling.stiffness[k] = static_cast<float>(symmetric[k]);
-  matrix.couplings.push_back(coupling);
-}
-
 Eigen::Vector3d relative(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
                          const Points& positions_m) {
   Eigen::Vector3d r = Eigen::Vector3d::Zero();
@@ -46,7 +25,7 @@ void add_force(const std::array<int, 4>& vertex, const std::array<double, 4>& we
 }  // namespace
 
 double add_barriers(const std::vector<Contact>& contacts, const ContactLaw& law, Points* gradient,
-                    const Assembly* assembly, BlockMatrix* matrix) {
+                    BlockMatrix* matrix) {
   double energy = 0.0;
   for (const Contact& contact : contacts) {
     const BarrierValue value = barrier(contact.gap_m, contact.reach_m, law.barrier_pa);
@@ -55,10 +34,9 @@ double add_barriers(const std::vector<Contact>& contacts, const ContactLaw& law,
     add_force(contact.vertex, contact.weight,
               -contact.area_m2 * value.pressure_pa * contact.normal, *gradient);
     if (matrix == nullptr) continue;
-    add_stiffness(contact.vertex, contact.weight,
-                  contact.area_m2 * value.stiffness_pa_m * contact.normal *
-                      contact.normal.transpose(),
-                  *assembly, *matrix);
+    matrix->add(contact.vertex, contact.weight,
+                contact.area_m2 * value.stiffness_pa_m * contact.normal *
+                    contact.normal.transpose());
   }
   return energy;
 }
@@ -99,7 +77,7 @@ double FrictionStep::energy(const Points& positions_m) const {
 }
 
 double FrictionStep::add_gradient(const Points& positions_m, Points& gradient,
-                                  const Assembly* assembly, BlockMatrix* matrix) const {
+                                  BlockMatrix* matrix) const {
   double energy = 0.0;
   for (const Spring& spring : springs_) {
     const Eigen::Vector3d s = stretch(spring, positions_m);
@@ -113,7 +91,7 @@ double FrictionStep::add_gradient(const Points& positions_m, Points& gradient,
     Eigen::Matrix3d k = per_length * (Eigen::Matrix3d::Identity() -
                                       spring.normal * spring.normal.transpose());
     if (slips) k -= per_length / (length * length) * s * s.transpose();
-    add_stiffness(spring.vertex, spring.weight, k, *assembly, *matrix);
+    matrix->add(spring.vertex, spring.weight, k);
   }
   return energy;
 }

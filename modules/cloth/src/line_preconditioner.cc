@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 
 #include "preconditioners.h"
+#include "row_product.h"
 #include "semblance/core/parallel.h"
 
 namespace semblance {
@@ -17,11 +18,13 @@ namespace {
 
 constexpr int lanes = 8;
 constexpr int colours = 3;
-using Lane = double __attribute__((vector_size(8 * lanes)));
+// Aligned as every allocation is: the stack of code for older processors keeps no more.
+using Lane = double __attribute__((vector_size(8 * lanes), aligned(16)));
+using LaneVector = std::array<Lane, 3>;
 using Block = std::array<Lane, 9>;  // by columns
 
 /// c -= a b'.
-void subtract_outer(const Block& a, const Block& b, Block& c) {
+[[gnu::always_inline]] inline void subtract_outer(const Block& a, const Block& b, Block& c) {
   for (int col = 0; col < 3; ++col) {
     for (int row = 0; row < 3; ++row) {
       for (int k = 0; k < 3; ++k) c[3 * col + row] -= a[3 * k + row] * b[3 * k + col];
@@ -29,7 +32,7 @@ void subtract_outer(const Block& a, const Block& b, Block& c) {
   }
 }
 
-Block multiply(const Block& a, const Block& b) {
+[[gnu::always_inline]] inline Block multiply(const Block& a, const Block& b) {
   Block c{};
   for (int col = 0; col < 3; ++col) {
     for (int row = 0; row < 3; ++row) {
@@ -40,7 +43,7 @@ Block multiply(const Block& a, const Block& b) {
 }
 
 /// Of a symmetric block.
-Block inverse(const Block& m) {
+[[gnu::always_inline]] inline Block inverse(const Block& m) {
   const Lane c00 = m[4] * m[8] - m[7] * m[7], c01 = m[6] * m[7] - m[3] * m[8],
                  c02 = m[3] * m[7] - m[6] * m[4];
   const Lane scale = 1.0 / (m[0] * c00 + m[3] * c01 + m[6] * c02);
@@ -55,15 +58,78 @@ Block inverse(const Block& m) {
 }
 
 /// y -= a x.
-void subtract_product(const Block& a, const std::array<Lane, 3>& x, std::array<Lane, 3>& y) {
+[[gnu::always_inline]] inline void subtract_product(const Block& a, const LaneVector& x, LaneVector& y) {
   for (int row = 0; row < 3; ++row) y[row] -= a[row] * x[0] + a[3 + row] * x[1] + a[6 + row] * x[2];
 }
 
 /// y -= a' x.
-void subtract_transposed(const Block& a, const std::array<Lane, 3>& x, std::array<Lane, 3>& y) {
+[[gnu::always_inline]] inline void subtract_transposed(const Block& a, const LaneVector& x, LaneVector& y) {
   for (int row = 0; row < 3; ++row) {
     y[row] -= a[3 * row] * x[0] + a[3 * row + 1] * x[1] + a[3 * row + 2] * x[2];
   }
+}
+
+struct Factor {
+  Block inverse_pivot, one_back, two_back;  // D^-1 and L's blocks in one row
+};
+
+/// Lines side by side: for each place and lane the vertex, or -1 in an idle lane.
+struct Pack {
+  const int* vertex;
+  int length;
+  const Factor* rows;
+};
+
+/// z += (lines' own matrix)^-1 (r - A z) on the lines of a pack.
+SEMBLANCE_WIDE void correct_pack(const BlockMatrix& a, const Pack& pack, const double* r, double* z,
+                                 LaneVector* y) {
+  const int* begin = a.pattern->begin.data();
+  const int* column = a.pattern->column.data();
+  const Factor* rows = pack.rows;
+  for (int i = 0; i < pack.length; ++i) {
+    double residual[3][lanes] = {};
+    for (int lane = 0; lane < lanes; ++lane) {
+      const int v = pack.vertex[i * lanes + lane];
+      if (v < 0) continue;
+      const Double4 d =
+          load4(r + 4 * static_cast<std::ptrdiff_t>(v)) - row_product(a, begin, column, z, v);
+      for (int c = 0; c < 3; ++c) residual[c][lane] = d[c];
+    }
+    __builtin_memcpy(&y[i], residual, sizeof(residual));
+    if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
+    if (i > 1) subtract_product(rows[i].two_back, y[i - 2], y[i]);
+  }
+  for (int i = pack.length - 1; i >= 0; --i) {
+    LaneVector scaled{};
+    subtract_product(rows[i].inverse_pivot, y[i], scaled);
+    for (int c = 0; c < 3; ++c) y[i][c] = -scaled[c];
+    if (i + 1 < pack.length) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
+    if (i + 2 < pack.length) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
+  }
+  for (int i = 0; i < pack.length; ++i) {
+    for (int lane = 0; lane < lanes; ++lane) {
+      const int v = pack.vertex[i * lanes + lane];
+      if (v < 0) continue;
+      for (int c = 0; c < 3; ++c) z[4 * static_cast<std::ptrdiff_t>(v) + c] += y[i][c][lane];
+    }
+  }
+}
+
+/// One row of the factorisation: blocks are A's on entry, D^-1 and L's on return. `pivot` and
+/// `one_up` are the inverse pivots one and two rows back and L's block one row up.
+SEMBLANCE_WIDE void factor_row(Factor& row, Block (&pivot)[2], Block& one_up) {
+  // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
+  const Block two = row.two_back;
+  row.two_back = multiply(two, pivot[1]);
+  Block one = row.one_back, diagonal = row.inverse_pivot;
+  subtract_outer(two, one_up, one);
+  subtract_outer(row.two_back, two, diagonal);
+  row.one_back = multiply(one, pivot[0]);
+  subtract_outer(row.one_back, one, diagonal);
+  row.inverse_pivot = inverse(diagonal);
+  pivot[1] = pivot[0];
+  pivot[0] = row.inverse_pivot;
+  one_up = row.one_back;
 }
 
 /// All lines of one direction: `length` places each, `lanes` lines of one colour side by side.
@@ -74,7 +140,20 @@ class LineSolver {
         along_warp_(along_warp),
         length_(along_warp ? grid.columns : grid.rows),
         count_(along_warp ? grid.rows : grid.columns) {
-    factors_.resize(static_cast<std::size_t>(colours) * packs_per_colour() * length_);
+    const int packs = colours * packs_per_colour();
+    factors_.resize(static_cast<std::size_t>(packs) * length_);
+    vertices_.resize(factors_.size() * lanes);
+    work_.resize(packs);
+    for (int pack = 0; pack < packs; ++pack) {
+      work_[pack].resize(length_);
+      for (int i = 0; i < length_; ++i) {
+        for (int lane = 0; lane < lanes; ++lane) {
+          const int at = line(pack, lane);
+          vertices_[(static_cast<std::size_t>(pack) * length_ + i) * lanes + lane] =
+              at < 0 ? -1 : vertex(at, i);
+        }
+      }
+    }
   }
 
   void prepare(const BlockMatrix& matrix) {
@@ -85,17 +164,16 @@ class LineSolver {
   }
 
   /// Adds to z what the lines of a colour need to meet r, with all others held.
-  void correct(int colour, const BlockVector& r, BlockVector& z) const {
+  void correct(int colour, const BlockVector& r, BlockVector& z) {
     parallel_for(packs_per_colour(), [&](std::size_t k) {
-      solve(colour * packs_per_colour() + static_cast<int>(k), r, z);
+      const std::size_t pack = colour * packs_per_colour() + k;
+      const std::size_t first = pack * length_;
+      correct_pack(*matrix_, {vertices_.data() + first * lanes, length_, factors_.data() + first},
+                   r.data(), z.data(), work_[pack].data());
     });
   }
 
  private:
-  struct Factor {
-    Block inverse_pivot, one_back, two_back;  // D^-1 and L's blocks in this row
-  };
-
   int lines_per_colour() const { return (count_ + colours - 1) / colours; }
   int packs_per_colour() const { return (lines_per_colour() + lanes - 1) / lanes; }
 
@@ -151,53 +229,12 @@ class LineSolver {
 
   void factor(int pack) {
     Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
-    Block pivot[2] = {}, one_back = {};  // inverse pivots one and two back, L one row up
+    Block pivot[2] = {}, one_up = {};
     for (int i = 0; i < length_; ++i) {
-      Block diagonal, one, two;
-      load_diagonal(pack, i, diagonal);
-      load(pack, i, 1, one);
-      load(pack, i, 2, two);
-      // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
-      const Block two_back = multiply(two, pivot[1]);
-      subtract_outer(two, one_back, one);
-      subtract_outer(two_back, two, diagonal);
-      one_back = multiply(one, pivot[0]);
-      subtract_outer(one_back, one, diagonal);
-      pivot[1] = pivot[0];
-      pivot[0] = inverse(diagonal);
-      rows[i] = {pivot[0], one_back, two_back};
-    }
-  }
-
-  void solve(int pack, const BlockVector& r, BlockVector& z) const {
-    using Vector = std::array<Lane, 3>;
-    const Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
-    std::vector<Vector> y(length_, Vector{});
-    for (int i = 0; i < length_; ++i) {
-      for (int lane = 0; lane < lanes; ++lane) {
-        const int at = line(pack, lane);
-        if (at < 0) continue;
-        const int v = vertex(at, i);
-        const Eigen::Vector4d residual = r.col(v) - matrix_->row_product(z, v);
-        for (int c = 0; c < 3; ++c) y[i][c][lane] = residual[c];
-      }
-      if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
-      if (i > 1) subtract_product(rows[i].two_back, y[i - 2], y[i]);
-    }
-    for (int i = length_ - 1; i >= 0; --i) {
-      Vector scaled{};
-      subtract_product(rows[i].inverse_pivot, y[i], scaled);
-      for (int c = 0; c < 3; ++c) y[i][c] = -scaled[c];
-      if (i + 1 < length_) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
-      if (i + 2 < length_) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
-    }
-    for (int i = 0; i < length_; ++i) {
-      for (int lane = 0; lane < lanes; ++lane) {
-        const int at = line(pack, lane);
-        if (at < 0) continue;
-        double* out = z.data() + 4 * static_cast<std::ptrdiff_t>(vertex(at, i));
-        for (int c = 0; c < 3; ++c) out[c] += y[i][c][lane];
-      }
+      load_diagonal(pack, i, rows[i].inverse_pivot);
+      load(pack, i, 1, rows[i].one_back);
+      load(pack, i, 2, rows[i].two_back);
+      factor_row(rows[i], pivot, one_up);
     }
   }
 
@@ -206,7 +243,9 @@ class LineSolver {
   int length_, count_;
   const BlockMatrix* matrix_ = nullptr;
   std::vector<std::array<int, 2>> place_;
+  std::vector<int> vertices_;
   std::vector<Factor> factors_;
+  std::vector<std::vector<LaneVector>> work_;
 };
 
 /// Warp lines forwards, weft lines there and back, warp lines backwards: symmetric, and positive

@@ -27,16 +27,14 @@ struct BlockPattern {
 /// From the neighbours of each row (any order, repeated or not; made symmetric here).
 BlockPattern make_pattern(std::vector<std::vector<int>> neighbours);
 
-/// A relative motion r = sum_k weight[k] x[vertex[k]] with its own stiffness: what a contact adds
-/// outside the pattern. Unused vertices are -1.
-struct Coupling {
-  std::array<int, 4> vertex;
-  std::array<float, 4> weight;
-  std::array<float, 6> stiffness;  // xx, xy, xz, yy, yz, zz
-};
-
 /// Symmetric part of a block: xx, xy, xz, yy, yz, zz.
 using Symmetric3 = std::array<float, 6>;
+
+/// A symmetric block at (row, column) and (column, row), outside the pattern.
+struct Coupling {
+  int row, column;
+  Symmetric3 block;
+};
 
 /// The Hessian of an energy that does not change when everything moves together, plus a block
 /// `own` on each diagonal: (A x)_i = sum_{j != i} A_ij (x_j - x_i) + own_i x_i. In this form blocks
@@ -46,7 +44,7 @@ using Symmetric3 = std::array<float, 6>;
 ///
 /// Blocks are by columns, padded to four rows; those of the diagonal are unused. `diagonal` holds
 /// what they sum up to, for preconditioners, in double precision, so that factoring finds the weak
-/// stiffness too. Couplings are counted there and in `own`, their mixed blocks only here.
+/// stiffness too.
 struct BlockMatrix {
   const BlockPattern* pattern = nullptr;
   std::vector<std::array<float, 12>> blocks;
@@ -55,10 +53,13 @@ struct BlockMatrix {
   std::vector<bool> fixed;  // rows of the identity, or empty; x must be zero there
   std::vector<Coupling> couplings;
 
+  /// Adds the stiffness K of a relative motion sum_i weight[i] x[vertex[i]]; vertices end at the
+  /// first -1. Pairs outside the pattern become couplings. Before complete_diagonal.
+  void add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
+           const Eigen::Matrix3d& stiffness);
+
   /// Sets `diagonal` from the other blocks and `own`.
   void complete_diagonal();
-  /// Row `r` of A x, without couplings.
-  Eigen::Vector4d row_product(const BlockVector& x, int r) const;
   /// y = A x, on several threads.
   void multiply(const BlockVector& x, BlockVector& y) const;
 };

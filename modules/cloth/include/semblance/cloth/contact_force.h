@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "semblance/cloth/assembly.h"
+#include "semblance/cloth/block_matrix.h"
 #include "semblance/cloth/contact.h"
 
 namespace semblance {
@@ -34,8 +34,7 @@ class FrictionStep {
 
   double energy(const Points& positions_m) const;
   /// Energy; adds to `gradient`, and to `matrix` where it is given.
-  double add_gradient(const Points& positions_m, Points& gradient, const Assembly* assembly,
-                      BlockMatrix* matrix) const;
+  double add_gradient(const Points& positions_m, Points& gradient, BlockMatrix* matrix) const;
   /// The springs' stretch at the end of the step.
   FrictionMemory memory(const Points& positions_m) const;
 
@@ -56,6 +55,6 @@ class FrictionStep {
 
 /// Energy of the barriers; adds to `gradient` and `matrix` where they are given.
 double add_barriers(const std::vector<Contact>& contacts, const ContactLaw& law, Points* gradient,
-                    const Assembly* assembly, BlockMatrix* matrix);
+                    BlockMatrix* matrix);
 
 }  // namespace semblance
