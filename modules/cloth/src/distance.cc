@@ -1,5 +1,6 @@
 #include "semblance/cloth/distance.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace semblance {
