@@ -2,6 +2,10 @@
 // once, its bounds refitted to each new shape. What a bound is and when two meet is the caller's.
 #pragma once
 
+#ifdef __SSE__
+#include <xmmintrin.h>
+#endif
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <utility>
@@ -12,22 +16,30 @@
 
 namespace semblance {
 
-/// Axis-parallel box in float. Whoever fills one rounds outwards.
-struct Box {
-  float lower[3], upper[3];
+/// Axis-parallel box in float; the fourth numbers are 0. Whoever fills one rounds outwards.
+struct alignas(16) Box {
+  float lower[4] = {}, upper[4] = {};
 
-  bool meets(const Box& other) const {
-    return (lower[0] <= other.upper[0]) & (other.lower[0] <= upper[0]) &
-           (lower[1] <= other.upper[1]) & (other.lower[1] <= upper[1]) &
-           (lower[2] <= other.upper[2]) & (other.lower[2] <= upper[2]);
-  }
+  bool meets(const Box& other) const;
   void include(const Box& other) {
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 4; ++k) {
       lower[k] = std::min(lower[k], other.lower[k]);
       upper[k] = std::max(upper[k], other.upper[k]);
     }
   }
 };
+
+inline bool Box::meets(const Box& other) const {
+#ifdef __SSE__
+  const __m128 not_above = _mm_cmple_ps(_mm_load_ps(lower), _mm_load_ps(other.upper));
+  const __m128 not_below = _mm_cmple_ps(_mm_load_ps(other.lower), _mm_load_ps(upper));
+  return _mm_movemask_ps(_mm_and_ps(not_above, not_below)) == 15;
+#else
+  for (int k = 0; k < 3; ++k)
+    if (lower[k] > other.upper[k] || other.lower[k] > upper[k]) return false;
+  return true;
+#endif
+}
 
 class BoundsTree {
  public:

@@ -1,5 +1,6 @@
 #include "semblance/cloth/contact.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -10,6 +11,7 @@
 #include "pair_geometry.h"
 #include "penetration.h"
 #include "placed_obstacle.h"
+#include "semblance/cloth/distance.h"
 #include "semblance/core/errors.h"
 #include "semblance/core/parallel.h"
 #include "surface_topology.h"
@@ -411,21 +413,27 @@ void ContactFinder::Impl::gather_self(const Points& x, double margin_m) {
   if (found_.size() < tasks.size()) found_.resize(tasks.size());
   PairGroup &vertices = self_.groups[0], &edges = self_.groups[1];
   parallel_for(tasks.size(), [&](std::size_t task) {
-    const auto keep = [&](const PairGroup& group, int a, int b) {
-      const bool of_edges = group.kind == ContactKind::edge_edge;
-      NearPair pair{a, b, 0.0f, rest_neighbours_.scale(a, b, of_edges)};
-      if (pair.scale == 0.0f) return;
-      Positions positions;
-      load(group, pair, x, 0.0, nullptr, positions);
-      const double distance_m = closest_points(positions.points).offset_m.norm();
-      pair.gap_m = static_cast<float>(distance_m - pair.scale * options_.thickness_m);
-      if (pair.gap_m < near_m) found_[task][of_edges].push_back(pair);
+    const auto keep = [&](int a, int b, bool edges, double distance_m) {
+      if (distance_m >= reach_m) return;
+      const float scale = rest_neighbours_.scale(a, b, edges);
+      const auto gap_m = static_cast<float>(distance_m - scale * options_.thickness_m);
+      if (scale > 0.0f && gap_m < near_m) found_[task][edges].push_back({a, b, gap_m, scale});
+    };
+    const auto point = [&](int v) { return Vector3d(x.row(v)); };
+    const auto vertex_triangle = [&](int v, int t) {
+      const auto corners = topology_.triangles.row(t);
+      const TrianglePoint closest =
+          closest_on_triangle(point(v), point(corners[0]), point(corners[1]), point(corners[2]));
+      keep(v, t, false, closest.offset_m.norm());
+    };
+    const auto edge_edge = [&](int e, int f) {
+      const auto [a, b] = topology_.edges[e];
+      const auto [c, d] = topology_.edges[f];
+      keep(e, f, true, closest_on_segments(point(a), point(b), point(c), point(d)).offset_m.norm());
     };
     const auto leaf = [&](int i, int j) {
-      if (!bounds_.triangles[i].meets(bounds_.triangles[j])) return;
-      for_parts_within(
-          topology_, bounds_, i, j, meet, [&](int v, int t) { keep(vertices, v, t); },
-          [&](int e, int f) { keep(edges, e, f); });
+      if (bounds_.triangles[i].meets(bounds_.triangles[j]))
+        for_parts_within(topology_, bounds_, i, j, meet, vertex_triangle, edge_edge);
     };
     tree_.self_pairs(tasks[task], nodes_meet, leaf);
   });
@@ -773,7 +781,7 @@ PairMotion ContactFinder::Impl::motion_of(const PairGroup& group, const NearPair
   const PlacedObstacle& obstacle = placed_[group.obstacle];
   if (obstacle.is_solid()) {
     motion.second.fill(obstacle.shift());
-    motion.excess_m = obstacle.turn_rad() * obstacle.radius_m(0.0);
+    motion.bend_m = obstacle.turn_rad() * obstacle.turn_rad() * obstacle.radius_m(0.0);
   } else if (group.kind == ContactKind::vertex_mesh) {
     for (int j = 0; j < 3; ++j)
       motion.second[j] = obstacle.corner_shift(obstacle.faces()(pair.b, j));
@@ -792,7 +800,7 @@ double ContactFinder::Impl::pair_step(const PairGroup& group, const NearPair& pa
   const double offset = pair.scale * offset_m(group);
   Positions positions;
   load(group, pair, x, 0.0, nullptr, positions);
-  const PairMotion motion = motion_of(group, pair, positions.vertices, dx);
+  PairMotion motion = motion_of(group, pair, positions.vertices, dx);
   double fraction = 0.0, room_m = 0.0, enough_m = 0.0;
   for (int search = 0; search < longest_search; ++search) {
     const PairClosest closest = closest_points(positions.points);
@@ -815,12 +823,8 @@ double ContactFinder::Impl::pair_step(const PairGroup& group, const NearPair& pa
 double ContactFinder::Impl::solid_step(const PairGroup& group, const NearPair& pair,
                                        const Points& x, const Points& dx, double limit) const {
   const PlacedObstacle& obstacle = placed_[group.obstacle];
-  const Vector3d from = x.row(pair.a), step = dx.row(pair.a), relative = step - obstacle.shift();
-  const double offset = 0.5 * options_.thickness_m;
-  // A plane that turns moves most far from its origin: there, what counts is where the vertex is.
-  const double radius_m =
-      obstacle.radius_m((from - obstacle.origin()).norm() + 2.0 * relative.norm());
-  const double excess_m = obstacle.turn_rad() * radius_m;
+  const Vector3d from = x.row(pair.a), step = dx.row(pair.a);
+  const double offset = 0.5 * options_.thickness_m, turn = obstacle.turn_rad();
   double fraction = 0.0, room_m = 0.0;
   for (int search = 0; search < longest_search; ++search) {
     const SurfacePoint surface = fraction > 0.0
@@ -833,9 +837,17 @@ double ContactFinder::Impl::solid_step(const PairGroup& group, const NearPair& p
     } else if (gap_m < 1.5 * room_m) {
       break;
     }
-    const double rate_m = excess_m - surface.normal.dot(relative);
-    if (rate_m <= 0.0) return limit;
-    fraction += (gap_m - room_m) / rate_m;
+    // The plane that touches the solid moves with it. Its height below the vertex is n y with
+    // y = vertex - touching point, whose second derivative is at most that of n (turn^2) times y,
+    // twice that of n times y', and y'' = turn^2 times the touching point's distance from the
+    // origin.
+    const Vector3d relative = step - obstacle.shift_of(surface.point_m, fraction);
+    const double radius_m =
+        (surface.point_m - obstacle.origin() - fraction * obstacle.shift()).norm();
+    const double speed_m = (step - obstacle.shift()).norm() + turn * radius_m;
+    const double bend_m =
+        turn * turn * (std::abs(surface.distance_m) + speed_m + radius_m) + 2.0 * turn * speed_m;
+    fraction += first_time(gap_m - room_m, -surface.normal.dot(relative), bend_m);
     if (fraction >= limit) return limit;
   }
   return fraction;

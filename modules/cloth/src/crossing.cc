@@ -159,6 +159,10 @@ int orientation(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
 
 bool segment_meets_triangle(const Vector3d& p, const Vector3d& q, const Vector3d& a,
                             const Vector3d& b, const Vector3d& c) {
+  const Vector3d lower = a.cwiseMin(b).cwiseMin(c), upper = a.cwiseMax(b).cwiseMax(c);
+  if ((p.cwiseMax(q).array() < lower.array()).any() ||
+      (p.cwiseMin(q).array() > upper.array()).any())
+    return false;
   const int at_p = orientation(a, b, c, p), at_q = orientation(a, b, c, q);
   if (at_p * at_q > 0) return false;
   if (at_p == 0 && at_q == 0)

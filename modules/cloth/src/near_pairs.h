@@ -33,16 +33,32 @@ struct SweptBox {
   }
   /// Whether parts may come within `room_m` of each other in some axis each. Motion in common does
   /// not bring them together.
-  bool meets(const SweptBox& other, float room_m) const {
-    for (int k = 0; k < 3; ++k) {
-      const float above = now.lower[k] - other.now.upper[k] - room_m;
-      const float below = other.now.lower[k] - now.upper[k] - room_m;
-      if (above > 0.0f && above > other.move.upper[k] - move.lower[k]) return false;
-      if (below > 0.0f && below > move.upper[k] - other.move.lower[k]) return false;
-    }
-    return true;
-  }
+  bool meets(const SweptBox& other, float room_m) const;
 };
+
+inline bool SweptBox::meets(const SweptBox& other, float room_m) const {
+#ifdef __SSE__
+  const __m128 room = _mm_set1_ps(room_m), zero = _mm_setzero_ps();
+  // How far the first is above the second, and how far it may sink towards it; and the same below.
+  const __m128 above =
+      _mm_sub_ps(_mm_sub_ps(_mm_load_ps(now.lower), _mm_load_ps(other.now.upper)), room);
+  const __m128 sinks = _mm_sub_ps(_mm_load_ps(other.move.upper), _mm_load_ps(move.lower));
+  const __m128 below =
+      _mm_sub_ps(_mm_sub_ps(_mm_load_ps(other.now.lower), _mm_load_ps(now.upper)), room);
+  const __m128 rises = _mm_sub_ps(_mm_load_ps(move.upper), _mm_load_ps(other.move.lower));
+  const __m128 apart = _mm_or_ps(_mm_cmpgt_ps(above, _mm_max_ps(sinks, zero)),
+                                 _mm_cmpgt_ps(below, _mm_max_ps(rises, zero)));
+  return _mm_movemask_ps(apart) == 0;
+#else
+  for (int k = 0; k < 3; ++k) {
+    const float above = now.lower[k] - other.now.upper[k] - room_m;
+    const float below = other.now.lower[k] - now.upper[k] - room_m;
+    if (above > std::max(other.move.upper[k] - move.lower[k], 0.0f)) return false;
+    if (below > std::max(move.upper[k] - other.move.lower[k], 0.0f)) return false;
+  }
+  return true;
+#endif
+}
 
 /// Smallest box of floats about a point and what is within `inflation_m` of it.
 template <typename Point>

@@ -1,7 +1,6 @@
 #include "pair_geometry.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "semblance/cloth/distance.h"
 
@@ -34,17 +33,16 @@ double plane_fraction(const PairPoints& pair, const PairMotion& motion,
   std::array<double, 3> height, closing;
   for (int j = 0; j < pair.second_count; ++j) {
     height[j] = normal.dot(pair.second[j]);
-    closing[j] = normal.dot(motion.second[j]) + motion.excess_m;
+    closing[j] = normal.dot(motion.second[j]);
   }
   double fraction = std::numeric_limits<double>::infinity();
   for (int i = 0; i < pair.first_count; ++i) {
     const double above = normal.dot(pair.first[i]), falling = -normal.dot(motion.first[i]);
-    for (int j = 0; j < pair.second_count; ++j) {
-      const double rate = falling + closing[j];
-      if (rate > 0.0) fraction = std::min(fraction, (above - height[j] - room_m) / rate);
-    }
+    for (int j = 0; j < pair.second_count; ++j)
+      fraction = std::min(
+          fraction, first_time(above - height[j] - room_m, falling + closing[j], motion.bend_m));
   }
-  return std::max(fraction, 0.0);
+  return fraction;
 }
 
 }  // namespace semblance

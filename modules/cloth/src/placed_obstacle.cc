@@ -72,6 +72,7 @@ void PlacedObstacle::stay() {
   target_ = place_;
   corners_target_ = corners_;
   shift_.setZero();
+  turn_.setZero();
   turn_rad_ = 0.0;
 }
 
@@ -80,8 +81,10 @@ void PlacedObstacle::head_for(double time_s) {
   find_velocity(time_s);
   if (!is_solid()) return;  // its corners go straight
   shift_ = target_.translation_m - place_.translation_m;
-  turn_rad_ = place_.rotation.angularDistance(target_.rotation);
+  turn_ = rotation_vector_from_quaternion(target_.rotation * place_.rotation.conjugate());
+  turn_rad_ = turn_.norm();
   if (turn_rad_ < 1e-12) {
+    turn_.setZero();
     turn_rad_ = 0.0;
     target_.rotation = place_.rotation;
   }

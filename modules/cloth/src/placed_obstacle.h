@@ -52,6 +52,10 @@ class PlacedObstacle {
   /// Straight way of the origin; of a mesh's corner.
   const Eigen::Vector3d& shift() const { return shift_; }
   Eigen::Vector3d corner_shift(int corner) const;
+  /// Displacement per way of a point of a solid that is at `point_m` at a fraction of the way.
+  Eigen::Vector3d shift_of(const Eigen::Vector3d& point_m, double fraction) const {
+    return shift_ + turn_.cross(point_m - place_.translation_m - fraction * shift_);
+  }
 
   /// Marks the present place as the reference of moved_m.
   void set_reference() {
@@ -82,6 +86,7 @@ class PlacedObstacle {
   Rigid3 place_, target_, reference_;
   Points corners_, corners_target_, corners_reference_, corner_velocity_;
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn_ = Eigen::Vector3d::Zero();  // rotation vector of the way
   double turn_rad_ = 0.0;
   Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero(), spin_ = Eigen::Vector3d::Zero();
 };

@@ -74,14 +74,14 @@ struct ContactOptions {
 /// Crossing or inclusion found by penetrations().
 struct Penetration {
   enum class Kind : std::uint8_t {
+    vertex_inside,  // a vertex of the cloth in a solid: edge[0]
     cloth_edge_cloth_triangle,
     cloth_edge_obstacle_triangle,
     obstacle_edge_cloth_triangle,
-    vertex_inside,  // first: vertex of the cloth
   };
   Kind kind;
   int obstacle = -1;                        // -1: self
-  std::array<int, 2> edge{-1, -1};          // its vertices; for vertex_inside {vertex, -1}
+  std::array<int, 2> edge{-1, -1};          // its vertices
   std::array<int, 3> triangle{-1, -1, -1};  // its vertices
   double depth_m = 0.0;                     // of a vertex inside
   auto operator<=>(const Penetration&) const = default;
