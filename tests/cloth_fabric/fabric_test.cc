@@ -136,8 +136,8 @@ Curve slider_branch(bool loading, double reversal) {
 }
 
 TEST(ResponseFromLoop, FindsElasticForceAndFrictionBehindTheTurns) {
-  const ModeResponse response =
-      response_from_loop(slider_branch(true, 0.04), slider_branch(false, 0.04), 0.0, "loop");
+  const ModeResponse response = response_from_loop(
+      slider_branch(true, 0.04), slider_branch(false, 0.04), Turns::sliding, 0.0, "loop");
   EXPECT_DOUBLE_EQ(response.reversal, 0.04);
   for (double e = 0.0; e <= 2.5; e += 0.05) {
     EXPECT_NEAR(response.elastic.value(e), 10.0 * e, 1e-9);
@@ -153,16 +153,28 @@ TEST(ResponseFromLoop, ALoopThatClosesGentlyStaysClosed) {
     up.push_back(t);
     down.push_back(t - 0.4 * t * (1.0 - t));
   }
-  const ModeResponse response = response_from_loop({x, up}, {x, down}, 0.0, "loop");
-  EXPECT_NEAR(response.friction.value(1.0), 0.0, 2e-3);
-  EXPECT_NEAR(response.elastic.value(1.0), 1.0, 2e-3);
+  const ModeResponse response = response_from_loop({x, up}, {x, down}, Turns::closing, 0.0, "loop");
+  EXPECT_NEAR(response.friction.value(1.0), 0.0, 1e-12);
+  EXPECT_NEAR(response.elastic.value(1.0), 1.0, 1e-12);
   EXPECT_NEAR(response.friction.value(0.5), 0.05, 1e-6);
+}
+
+// Digitised plots have few points: none of them may lie where the slider is under way.
+TEST(ResponseFromLoop, AFewPointsBehindTheTurnsAreEnough) {
+  const Curve up({0.0, 1.0, 2.0}, {0.0, 11.0, 21.0}), down({0.0, 1.0, 2.0}, {-1.0, 9.0, 21.0});
+  const ModeResponse response = response_from_loop(up, down, Turns::sliding, 0.0, "loop");
+  for (const double e : {0.0, 0.5, 1.3, 2.0}) {
+    EXPECT_NEAR(response.elastic.value(e), 10.0 * e, 1e-9);
+    EXPECT_NEAR(response.friction.value(e), 1.0, 1e-9);
+  }
+  const Curve line = Curve::linear(1.0, 1.0);
+  EXPECT_THROW(response_from_loop(line, line, Turns::sliding, 0.0, "loop"), InvalidInput);
 }
 
 TEST(ResponseFromLoop, RefusesWhatIsNoLoop) {
   const auto problem = [](const Curve& up, const Curve& down) -> std::string {
     try {
-      response_from_loop(up, down, 0.0, "x.csv: shear");
+      response_from_loop(up, down, Turns::closing, 0.0, "x.csv: shear");
     } catch (const InvalidInput& error) {
       return error.what();
     }

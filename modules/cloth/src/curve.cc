@@ -80,9 +80,19 @@ void Curve::fill_table() {
 
 std::vector<double> common_places(const Curve& a, const Curve& b) {
   std::vector<double> places;
-  std::set_union(a.x().begin(), a.x().end(), b.x().begin(), b.x().end(),
-                 std::back_inserter(places));
+  std::merge(a.x().begin(), a.x().end(), b.x().begin(), b.x().end(), std::back_inserter(places));
+  // Places that differ by rounding only would make steps of their values' differences.
+  const double least = 1e-9 * places.back();
+  const auto same = [&](double low, double high) { return high - low < least; };
+  places.erase(std::unique(places.begin(), places.end(), same), places.end());
   return places;
+}
+
+Curve mean_curve(const Curve& a, const Curve& b) {
+  const std::vector<double> x = common_places(a, b);
+  std::vector<double> values;
+  for (const double place : x) values.push_back(0.5 * (a.value(place) + b.value(place)));
+  return {x, values, a.beyond()};
 }
 
 }  // namespace semblance

@@ -12,14 +12,23 @@ namespace {
 /// Of the largest force: what rounding and a sensor's noise may put on the wrong side.
 constexpr double k_slack = 1e-3;
 
-std::vector<double> places_of_loop(const Curve& loading, const Curve& unloading, double reversal) {
-  const double end = loading.last(), low = reversal, high = end - 2.0 * reversal;
-  std::vector<double> places{low};
-  for (const double x : common_places(loading, unloading)) {
-    if (x > low * (1.0 + 1e-9) && x < high * (1.0 - 1e-9)) places.push_back(x);
+/// The points that lie in [low, high]; two are needed.
+Curve part_of(const Curve& curve, double low, double high, const char* branch,
+              const std::string& source) {
+  std::vector<double> x, values;
+  const double slack = 1e-9 * curve.last();
+  for (std::size_t i = 0; i < curve.x().size(); ++i) {
+    if (curve.x()[i] < low - slack || curve.x()[i] > high + slack) continue;
+    x.push_back(curve.x()[i]);
+    values.push_back(curve.values()[i]);
   }
-  places.push_back(high);
-  return places;
+  if (x.size() < 2) {
+    throw InvalidInput(
+        fmt::format("{}: {} has fewer than two points between {:g} and {:g}, where friction has "
+                    "turned round; add points there",
+                    source, branch, low, high));
+  }
+  return {x, values};
 }
 
 void check_ends(const Curve& loading, const Curve& unloading, const std::string& source) {
@@ -32,17 +41,11 @@ void check_ends(const Curve& loading, const Curve& unloading, const std::string&
   }
 }
 
-/// Half of the loop's width; an unloading curve above the loading curve is refused.
-double half_width(const Curve& loading, const Curve& unloading, double x,
-                  const std::string& source) {
-  const double up = loading.value(x), down = unloading.value(x);
-  if (down - up > k_slack * std::abs(loading.value(loading.last()))) {
-    throw InvalidInput(
-        fmt::format("{}: at {:g} unloading takes {:g} and loading only {:g}; are the two branches "
-                    "exchanged?",
-                    source, x, down, up));
-  }
-  return std::max(0.0, 0.5 * (up - down));
+void check_width(double up, double down, double x, double largest, const std::string& source) {
+  if (down - up <= k_slack * std::abs(largest)) return;
+  throw InvalidInput(fmt::format(
+      "{}: at {:g} unloading takes {:g} and loading only {:g}; are the two branches exchanged?",
+      source, x, down, up));
 }
 
 void check_rises(const std::vector<double>& x, const std::vector<double>& values,
@@ -63,8 +66,8 @@ ModeResponse linear_response(double stiffness, double end, double friction) {
           default_reversal_fraction * end, default_viscosity_s};
 }
 
-ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, double reversal,
-                                const std::string& source) {
+ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, Turns turns,
+                                double reversal, const std::string& source) {
   check_ends(loading, unloading, source);
   const double end = loading.last();
   if (reversal == 0.0) reversal = default_reversal_fraction * end;
@@ -73,20 +76,20 @@ ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, do
         fmt::format("{}: reversal {:g} must be positive and below a fifth of the range of {:g}",
                     source, reversal, end));
   }
-  std::vector<double> x = places_of_loop(loading, unloading, reversal), force, friction;
+  const bool slides = turns == Turns::sliding;
+  const Curve up = slides ? part_of(loading, reversal, end, "loading", source) : loading;
+  const Curve down =
+      slides ? part_of(unloading, 0.0, end - 2.0 * reversal, "unloading", source) : unloading;
+  std::vector<double> x = common_places(up, down), force, friction;
+  if (x.front() > 0.0) x.insert(x.begin(), 0.0);
+  if (x.back() < end) x.push_back(end);
   for (const double place : x) {
-    const double half = half_width(loading, unloading, place, source);
-    friction.push_back(half);
-    force.push_back(loading.value(place) - half);
+    const double above = up.value(place), below = down.value(place);
+    const bool inside = place > reversal && place < end - 2.0 * reversal;
+    if (inside || !slides) check_width(above, below, place, loading.value(end), source);
+    friction.push_back(std::max(0.0, 0.5 * (above - below)));
+    force.push_back(place > 0.0 ? above - friction.back() : 0.0);
   }
-  const Curve inner(x, friction);
-  const double end_friction = std::max(0.0, inner.value(end));
-  friction.insert(friction.begin(), std::max(0.0, inner.value(0.0)));
-  friction.push_back(end_friction);
-  force.insert(force.begin(), 0.0);
-  force.push_back(loading.value(end) - end_friction);
-  x.insert(x.begin(), 0.0);
-  x.push_back(end);
   check_rises(x, force, source);
   return {Curve(x, force), Curve(x, friction, Curve::Beyond::constant), reversal,
           default_viscosity_s};
@@ -120,6 +123,16 @@ void complete_fabric(Fabric& fabric, std::optional<double> friction,
   }
 }
 
+std::string viscosity_assumption() {
+  return fmt::format("viscosity not given: {:g} s (3 % of critical damping at 10 Hz)",
+                     default_viscosity_s);
+}
+
+std::string reversal_assumption() {
+  return fmt::format("reversal not given: friction turns round over {:g} % of the measured range",
+                     100.0 * default_reversal_fraction);
+}
+
 namespace {
 
 /// The first curve's places and the second's up to the first one's end.
@@ -136,8 +149,7 @@ std::vector<double> merged_places(std::vector<double> places, const std::vector<
 }
 
 ModeResponse assumed_twist(const ModeResponse& a, const ModeResponse& b) {
-  const std::vector<double> x =
-      merged_places(common_places(a.elastic, b.elastic), std::vector<double>());
+  const std::vector<double> x = common_places(a.elastic, b.elastic);
   std::vector<double> moment;
   for (const double place : x) moment.push_back(a.elastic.value(place) + b.elastic.value(place));
   return {Curve(x, moment), Curve::constant(0.0, x.back()), 0.5 * (a.reversal + b.reversal),

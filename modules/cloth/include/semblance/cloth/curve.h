@@ -90,7 +90,10 @@ class Curve {
   double cells_per_x_ = 0.0;
 };
 
-/// Places of both curves in increasing order, each once.
+/// Places of both curves in increasing order, each once; those that differ by rounding count as
+/// one.
 std::vector<double> common_places(const Curve& a, const Curve& b);
+/// Through the means of both at those places; goes on as `a` does.
+Curve mean_curve(const Curve& a, const Curve& b);
 
 }  // namespace semblance

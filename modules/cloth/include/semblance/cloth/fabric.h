@@ -45,14 +45,22 @@ constexpr double default_viscosity_s = 1e-3;
 /// elastic = stiffness e over [0, end], constant friction.
 ModeResponse linear_response(double stiffness, double end, double friction = 0.0);
 
+/// What a measured loop shows where it begins and turns.
+enum class Turns {
+  /// The branches meet gently, as in tension: their distance is the threshold everywhere.
+  closing,
+  /// The slider is under way, as in shear and bending: within `reversal` of 0 on the loading curve,
+  /// and twice that of the end on the unloading curve, points do not show the threshold. They are
+  /// left out, and the curves go on there by their tangents.
+  sliding,
+};
+
 /// From a measured loop that starts at rest at 0, turns at the curves' common end, and comes back.
-/// Near 0 and near the turn the slider is under way and the curves do not show its threshold:
-/// within `reversal` of 0 and twice that of the end, both parts are continued from the rest.
 /// reversal 0 means the default fraction of the range. Throws InvalidInput, beginning with
 /// `source`, where the curves do not end together, the unloading curve lies above the loading
 /// curve, or their mean falls.
-ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, double reversal,
-                                const std::string& source);
+ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, Turns turns,
+                                double reversal, const std::string& source);
 
 /// Index of a direction in Fabric's pairs.
 enum Direction { warp = 0, weft = 1 };
@@ -88,6 +96,10 @@ constexpr double mass_damping_1_s = 0.5;
 /// Fills area density, thickness, friction and damping that are not given, and says so.
 void complete_fabric(Fabric& fabric, std::optional<double> friction,
                      std::optional<double> mass_damping_1_s);
+
+/// Sentences for modes that have default_viscosity_s, and default_reversal_fraction.
+std::string viscosity_assumption();
+std::string reversal_assumption();
 
 /// Throws one InvalidInput that begins with `source` and lists everything that cannot be so: values
 /// that are not finite or negative, curves that are not monotone, and values outside what fabrics
