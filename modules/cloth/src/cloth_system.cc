@@ -19,12 +19,15 @@
 namespace semblance {
 namespace {
 
+/// The barrier's pressure over the cloth's own: one layer at rest then floats at 0.9 of the reach,
+/// and a hundred layers, or an edge over which it hangs, still keep a tenth of it.
+constexpr double barrier_per_weight = 100.0;
+
 class Stopwatch {
  public:
   explicit Stopwatch(double& total_s) : total_s_(total_s) {}
   ~Stopwatch() {
-    total_s_ +=
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    total_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   }
 
  private:
@@ -62,8 +65,8 @@ ContactFinder make_finder(const ClothScene& scene) {
 
 struct ClothSystem::Step {
   double step_s = 0.0;
-  double inertia = 0.0;  // 1 / h^2
-  double drag = 0.0;     // a / h
+  double inertia = 0.0;    // 1 / h^2
+  double drag = 0.0;       // a / h
   Points inertial, still;  // y and c
   FrictionStep friction;
 };
@@ -78,7 +81,8 @@ ClothSystem::ClothSystem(ClothScene scene, const StepOptions& options)
       finder_(make_finder(scene_)),
       solver_(make_linear_solver(options.linear_solver, scene_.sheet)) {
   law_.friction = scene_.fabric.friction;
-  law_.barrier_pa = (getenv("P0") ? atof(getenv("P0")) : 100.0) * scene_.fabric.area_density_kg_m2 * 9.81;
+  law_.barrier_pa = barrier_per_weight * scene_.fabric.area_density_kg_m2 *
+                    std::max(scene_.gravity_m_s2.norm(), 1.0);
 }
 
 ClothSystem::~ClothSystem() = default;
@@ -103,9 +107,8 @@ double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradi
   double value = 0.0;
   {
     const Stopwatch watch(timing_.energy_s);
-    value = matrix == nullptr
-                ? energy_.gradient(x, gradient)
-                : energy_.hessian(x, options_.hessian, gradient, strain_hessian_);
+    value = matrix == nullptr ? energy_.gradient(x, gradient)
+                              : energy_.hessian(x, options_.hessian, gradient, strain_hessian_);
   }
   if (matrix != nullptr) {
     const Stopwatch watch(timing_.assembly_s);
@@ -128,9 +131,9 @@ double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradi
   for (Eigen::Index v = 0; v < x.rows(); ++v) {
     const Eigen::RowVector3d from_y = x.row(v) - step.inertial.row(v);
     const Eigen::RowVector3d from_c = x.row(v) - step.still.row(v);
-    value += masses_kg_[v] * (0.5 * step.inertia * from_y.squaredNorm() +
-                              0.5 * step.drag * from_c.squaredNorm() -
-                              scene_.gravity_m_s2.dot(x.row(v)));
+    value += masses_kg_[v] *
+             (0.5 * step.inertia * from_y.squaredNorm() + 0.5 * step.drag * from_c.squaredNorm() -
+              scene_.gravity_m_s2.dot(x.row(v)));
     gradient.row(v) += masses_kg_[v] * (step.inertia * from_y + step.drag * from_c -
                                         scene_.gravity_m_s2.transpose());
     if (assembly_.is_fixed(static_cast<int>(v))) gradient.row(v).setZero();
@@ -150,10 +153,9 @@ double ClothSystem::value(const Step& step, const Points& x) {
     value += step.friction.energy(x);
   }
   for (Eigen::Index v = 0; v < x.rows(); ++v) {
-    value += masses_kg_[v] *
-             (0.5 * step.inertia * (x.row(v) - step.inertial.row(v)).squaredNorm() +
-              0.5 * step.drag * (x.row(v) - step.still.row(v)).squaredNorm() -
-              scene_.gravity_m_s2.dot(x.row(v)));
+    value += masses_kg_[v] * (0.5 * step.inertia * (x.row(v) - step.inertial.row(v)).squaredNorm() +
+                              0.5 * step.drag * (x.row(v) - step.still.row(v)).squaredNorm() -
+                              scene_.gravity_m_s2.dot(x.row(v)));
   }
   return value;
 }
@@ -204,8 +206,6 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
         return report;
       }
     }
-    if (getenv("DBG")) { Eigen::Index w; gradient.rowwise().norm().maxCoeff(&w); fprintf(stderr,"   worst %ld uv %.3f %.3f g %.2e %.2e %.2e pos %.4f %.5f %.4f dir %.1e %.1e %.1e\n", (long)w, scene_.sheet.material_m(w,0),scene_.sheet.material_m(w,1),gradient(w,0),gradient(w,1),gradient(w,2),x(w,0),x(w,1),x(w,2),direction(w,0),direction(w,1),direction(w,2)); }
-    if (getenv("DBG")) fprintf(stderr, "  newton %d res %.2e lin %d cfrac pmax %.2e fraction %.3g E %.9e slope %.2e\n", report.newton_iterations, report.residual, report.linear_iterations, direction.rowwise().norm().maxCoeff(), fraction, current, slope);
     x.swap(trial);
   }
 }
@@ -225,8 +225,7 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
     const double b = -ratio * ratio / (1.0 + 2.0 * ratio);
     h = step_s * (1.0 + ratio) / (1.0 + 2.0 * ratio);
     step.still = a * state.positions_m + b * state.previous_positions_m;
-    step.inertial =
-        step.still + h * (a * state.velocities_m_s + b * state.previous_velocities_m_s);
+    step.inertial = step.still + h * (a * state.velocities_m_s + b * state.previous_velocities_m_s);
   } else if (!still) {
     step.inertial += h * state.velocities_m_s;
   }
@@ -234,8 +233,8 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
   step.drag = still ? 0.0 : scene_.fabric.mass_damping_1_s / h;
   const double loss_step_s = still ? std::numeric_limits<double>::infinity() : step_s;
   energy_.begin_step(state.positions_m, state.memory, loss_step_s);
-  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m,
-                               loss_step_s, law_, state.friction);
+  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, loss_step_s,
+                               law_, state.friction);
   Points x = state.positions_m;
   const StepReport report = solve(step, x);
   state.previous_positions_m = std::move(state.positions_m);

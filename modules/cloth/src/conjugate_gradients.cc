@@ -18,7 +18,8 @@ double dot(const BlockVector& a, const BlockVector& b) {
   const Eigen::Index columns = a.cols(), chunks = (columns + chunk_columns - 1) / chunk_columns;
   double sum = 0.0;
   for (Eigen::Index c = 0; c < chunks; ++c) {
-    const Eigen::Index first = c * chunk_columns, n = std::min<Eigen::Index>(chunk_columns, columns - first);
+    const Eigen::Index first = c * chunk_columns,
+                       n = std::min<Eigen::Index>(chunk_columns, columns - first);
     sum += a.middleCols(first, n).cwiseProduct(b.middleCols(first, n)).sum();
   }
   return sum;
@@ -53,7 +54,7 @@ class ConjugateGradients : public LinearSolver {
       matrix_->multiply(p_, q_);
       const double curvature = dot(p_, q_);
       if (!(curvature > 0.0) || !(rho > 0.0)) {
-        out.negative_curvature = true; if (getenv("DBG")) fprintf(stderr, "CG it %d rho %.3e curv %.3e rr %.3e zz %.3e\n", out.iterations, rho, curvature, dot(r_,r_), dot(z_,z_));
+        out.negative_curvature = true;
         break;
       }
       const double alpha = rho / curvature;

@@ -705,10 +705,10 @@ double ContactFinder::Impl::pair_area(const PairGroup& group, const NearPair& pa
              std::sqrt(topology_.edge_area_m2[pair.a] *
                        placed_[group.obstacle].topology().edge_area_m2[pair.b]);
     case ContactKind::edge_solid_edge:
-      return 0.8 * parallel_factor(points) * reach_m * std::sqrt(topology_.edge_area_m2[pair.a]);
+      return 4.0 * parallel_factor(points) * reach_m * std::sqrt(topology_.edge_area_m2[pair.a]);
     default:
       return placed_[group.obstacle].is_solid()
-                 ? reach_m * reach_m
+                 ? 25.0 * reach_m * reach_m
                  : 0.25 * placed_[group.obstacle].topology().vertex_area_m2[pair.b];
   }
 }

@@ -31,12 +31,12 @@ double add_barriers(const std::vector<Contact>& contacts, const ContactLaw& law,
     const BarrierValue value = barrier(contact.gap_m, contact.reach_m, law.barrier_pa);
     energy += contact.area_m2 * value.energy_j_m2;
     if (gradient == nullptr) continue;
-    add_force(contact.vertex, contact.weight,
-              -contact.area_m2 * value.pressure_pa * contact.normal, *gradient);
+    add_force(contact.vertex, contact.weight, -contact.area_m2 * value.pressure_pa * contact.normal,
+              *gradient);
     if (matrix == nullptr) continue;
-    matrix->add(contact.vertex, contact.weight,
-                contact.area_m2 * value.stiffness_pa_m * contact.normal *
-                    contact.normal.transpose());
+    matrix->add(
+        contact.vertex, contact.weight,
+        contact.area_m2 * value.stiffness_pa_m * contact.normal * contact.normal.transpose());
   }
   return energy;
 }
@@ -61,8 +61,7 @@ FrictionStep::FrictionStep(const std::vector<Contact>& contacts, const Points& p
 }
 
 Eigen::Vector3d FrictionStep::stretch(const Spring& spring, const Points& positions_m) const {
-  const Eigen::Vector3d r =
-      relative(spring.vertex, spring.weight, positions_m) - spring.origin_m;
+  const Eigen::Vector3d r = relative(spring.vertex, spring.weight, positions_m) - spring.origin_m;
   return r - spring.normal.dot(r) * spring.normal;
 }
 
@@ -70,8 +69,8 @@ double FrictionStep::energy(const Points& positions_m) const {
   double energy = 0.0;
   for (const Spring& spring : springs_) {
     const double length = stretch(spring, positions_m).norm();
-    energy += spring.limit_n * (length <= slip_m_ ? 0.5 * length * length / slip_m_
-                                                  : length - 0.5 * slip_m_);
+    energy += spring.limit_n *
+              (length <= slip_m_ ? 0.5 * length * length / slip_m_ : length - 0.5 * slip_m_);
   }
   return energy;
 }
@@ -84,12 +83,11 @@ double FrictionStep::add_gradient(const Points& positions_m, Points& gradient,
     const double length = s.norm();
     const bool slips = length > slip_m_;
     const double per_length = spring.limit_n / (slips ? length : slip_m_);
-    energy += spring.limit_n *
-              (slips ? length - 0.5 * slip_m_ : 0.5 * length * length / slip_m_);
+    energy += spring.limit_n * (slips ? length - 0.5 * slip_m_ : 0.5 * length * length / slip_m_);
     add_force(spring.vertex, spring.weight, per_length * s, gradient);
     if (matrix == nullptr) continue;
-    Eigen::Matrix3d k = per_length * (Eigen::Matrix3d::Identity() -
-                                      spring.normal * spring.normal.transpose());
+    Eigen::Matrix3d k =
+        per_length * (Eigen::Matrix3d::Identity() - spring.normal * spring.normal.transpose());
     if (slips) k -= per_length / (length * length) * s * s.transpose();
     matrix->add(spring.vertex, spring.weight, k);
   }

@@ -59,16 +59,15 @@ class GridRows {
   /// Area of the quad whose first corner is (i, j); none outside the sheet and under a clamp.
   double quad_area(int i, int j) const {
     if (!inside(i, j) || !inside(i + 1, j + 1)) return 0.0;
-    const bool clamped = is_fixed(fixed_, grid_.vertex(i, j)) &&
-                         is_fixed(fixed_, grid_.vertex(i + 1, j)) &&
-                         is_fixed(fixed_, grid_.vertex(i, j + 1)) &&
-                         is_fixed(fixed_, grid_.vertex(i + 1, j + 1));
+    const bool clamped =
+        is_fixed(fixed_, grid_.vertex(i, j)) && is_fixed(fixed_, grid_.vertex(i + 1, j)) &&
+        is_fixed(fixed_, grid_.vertex(i, j + 1)) && is_fixed(fixed_, grid_.vertex(i + 1, j + 1));
     return clamped ? 0.0 : grid_.warp_spacing_m * grid_.weft_spacing_m;
   }
 
   double vertex_area(int i, int j) const {
-    return 0.25 * (quad_area(i, j) + quad_area(i - 1, j) + quad_area(i, j - 1) +
-                   quad_area(i - 1, j - 1));
+    return 0.25 *
+           (quad_area(i, j) + quad_area(i - 1, j) + quad_area(i, j - 1) + quad_area(i - 1, j - 1));
   }
 
   double spacing(int di, int dj) const {
@@ -234,8 +233,8 @@ class TriangleRows {
     }
     // Twist counts twice in the norm of the second derivatives.
     shapes.col(2) /= std::sqrt(2.0);
-    Eigen::MatrixXd c = shapes.completeOrthogonalDecomposition().pseudoInverse() * heights /
-                        (scale * scale);
+    Eigen::MatrixXd c =
+        shapes.completeOrthogonalDecomposition().pseudoInverse() * heights / (scale * scale);
     c.row(2) /= std::sqrt(2.0);
     std::vector<StrainEntry> entries;
     for (int k = 0; k < 3 + extra; ++k) {

@@ -1,9 +1,9 @@
 // Exact solves along a grid's warp lines and weft lines, in turn: symmetric Gauss-Seidel by lines.
 //
 // Cloth is stiff along its yarns and weak in shear, so almost all of the matrix's stiffness, and
-// all of its bending but twist, lies in coupling along single lines. There it is block pentadiagonal
-// and is factored as L D L' without fill. Lines couple to the next two on either side, so every third
-// line may be solved at a time.
+// all of its bending but twist, lies in coupling along single lines. There it is block
+// pentadiagonal and is factored as L D L' without fill. Lines couple to the next two on either
+// side, so every third line may be solved at a time.
 #include <algorithm>
 #include <array>
 
@@ -45,7 +45,7 @@ using Block = std::array<Lane, 9>;  // by columns
 /// Of a symmetric block.
 [[gnu::always_inline]] inline Block inverse(const Block& m) {
   const Lane c00 = m[4] * m[8] - m[7] * m[7], c01 = m[6] * m[7] - m[3] * m[8],
-                 c02 = m[3] * m[7] - m[6] * m[4];
+             c02 = m[3] * m[7] - m[6] * m[4];
   const Lane scale = 1.0 / (m[0] * c00 + m[3] * c01 + m[6] * c02);
   Block out;
   out[0] = c00 * scale;
@@ -58,12 +58,14 @@ using Block = std::array<Lane, 9>;  // by columns
 }
 
 /// y -= a x.
-[[gnu::always_inline]] inline void subtract_product(const Block& a, const LaneVector& x, LaneVector& y) {
+[[gnu::always_inline]] inline void subtract_product(const Block& a, const LaneVector& x,
+                                                    LaneVector& y) {
   for (int row = 0; row < 3; ++row) y[row] -= a[row] * x[0] + a[3 + row] * x[1] + a[6 + row] * x[2];
 }
 
 /// y -= a' x.
-[[gnu::always_inline]] inline void subtract_transposed(const Block& a, const LaneVector& x, LaneVector& y) {
+[[gnu::always_inline]] inline void subtract_transposed(const Block& a, const LaneVector& x,
+                                                       LaneVector& y) {
   for (int row = 0; row < 3; ++row) {
     y[row] -= a[3 * row] * x[0] + a[3 * row + 1] * x[1] + a[3 * row + 2] * x[2];
   }

@@ -12,8 +12,7 @@ namespace semblance {
   const Double4 mine = load4(x + 4 * static_cast<std::ptrdiff_t>(r));
   const float* s = a.own[r].data();
   Double4 sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] +
-                Double4{s[1], s[3], s[4], 0.0} * mine[1] +
-                Double4{s[2], s[4], s[5], 0.0} * mine[2];
+                Double4{s[1], s[3], s[4], 0.0} * mine[1] + Double4{s[2], s[4], s[5], 0.0} * mine[2];
   for (int k = begin[r]; k < begin[r + 1]; ++k) {
     // The diagonal's own block meets x_r - x_r.
     const float* block = a.blocks[k].data();

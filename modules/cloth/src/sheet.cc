@@ -86,8 +86,8 @@ Sheet make_rectangle(double warp_m, double weft_m, double spacing_m) {
   const int along = divisions(warp_m, spacing_m, "warp side");
   const int across = divisions(weft_m, spacing_m, "weft side");
   if (static_cast<double>(along + 1) * (across + 1) > 16e6) {
-    throw InvalidInput(fmt::format("sheet: {} x {} quads are too many; choose a wider spacing",
-                                   along, across));
+    throw InvalidInput(
+        fmt::format("sheet: {} x {} quads are too many; choose a wider spacing", along, across));
   }
   grid.columns = along + 1;
   grid.rows = across + 1;
@@ -163,8 +163,8 @@ void validate(const Sheet& sheet, const std::string& source) {
   std::map<std::pair<int, int>, int> edges;  // directed
   for (int t = 0; t < sheet.triangles.rows(); ++t) {
     const double area = signed_area(sheet, t);
-    const Eigen::Vector2d side = sheet.material_m.row(sheet.triangles(t, 1)) -
-                                 sheet.material_m.row(sheet.triangles(t, 0));
+    const Eigen::Vector2d side =
+        sheet.material_m.row(sheet.triangles(t, 1)) - sheet.material_m.row(sheet.triangles(t, 0));
     if (!(area > 1e-9 * side.squaredNorm())) {
       throw InvalidInput(fmt::format(
           "{}: triangle {} is {} in the fabric; all triangles must be counter-clockwise in (u, v) "

@@ -19,9 +19,14 @@ bool is_bending(StrainKind kind) {
 }
 
 void store_symmetric(const Eigen::Matrix3d& h, std::array<float, 8>& out) {
-  out = {static_cast<float>(h(0, 0)), static_cast<float>(h(0, 1)), static_cast<float>(h(0, 2)),
-         static_cast<float>(h(1, 1)), static_cast<float>(h(1, 2)), static_cast<float>(h(2, 2)),
-         0.0f,                        0.0f};
+  out = {static_cast<float>(h(0, 0)),
+         static_cast<float>(h(0, 1)),
+         static_cast<float>(h(0, 2)),
+         static_cast<float>(h(1, 1)),
+         static_cast<float>(h(1, 2)),
+         static_cast<float>(h(2, 2)),
+         0.0f,
+         0.0f};
 }
 
 /// Angle between warp and weft less a right angle, with derivatives in both.
@@ -110,14 +115,20 @@ SheetEnergy::SheetEnergy(const Sheet& sheet, Fabric fabric, const SheetModel& mo
 
 const ModeResponse& SheetEnergy::response(StrainKind kind) const {
   switch (kind) {
-    case StrainKind::warp: return fabric_.tension[0];
-    case StrainKind::weft: return fabric_.tension[1];
+    case StrainKind::warp:
+      return fabric_.tension[0];
+    case StrainKind::weft:
+      return fabric_.tension[1];
     case StrainKind::shear_warp:
-    case StrainKind::shear_weft: return fabric_.shear;
+    case StrainKind::shear_weft:
+      return fabric_.shear;
     case StrainKind::bend_warp:
-    case StrainKind::interlaced: return fabric_.bending[0];
-    case StrainKind::bend_weft: return fabric_.bending[1];
-    case StrainKind::twist: break;
+    case StrainKind::interlaced:
+      return fabric_.bending[0];
+    case StrainKind::bend_weft:
+      return fabric_.bending[1];
+    case StrainKind::twist:
+      break;
   }
   return twist_;
 }
@@ -137,7 +148,8 @@ LawPoint SheetEnergy::length_law(StrainKind kind, int e, double length) const {
       const double stretch = fabric_.tension[0].elastic.evaluate(0.0).slope;
       return interlaced_response(bending, stretch, deformation_.length_m(e), length);
     }
-    default: return odd_response(response(kind).elastic, length);
+    default:
+      return odd_response(response(kind).elastic, length);
   }
 }
 
@@ -179,8 +191,8 @@ double SheetEnergy::evaluate_row(const Points& positions_m, StrainKind strain, i
     if (slots.kind == HessianKind::convex) across = std::max(across, 0.0);
     double along = law.stiffness;
     if (slots.kind == HessianKind::convex) along = std::max(along, 0.0);
-    Eigen::Matrix3d h = across * Eigen::Matrix3d::Identity() +
-                        (along - across) * direction * direction.transpose();
+    Eigen::Matrix3d h =
+        across * Eigen::Matrix3d::Identity() + (along - across) * direction * direction.transpose();
     if (lossy.stiffness != 0.0) h += lossy.stiffness * normal_[e] * normal_[e].transpose();
     store_symmetric(area * h, slots.hessian->rows[e]);
   }
@@ -191,8 +203,7 @@ double SheetEnergy::evaluate_shear(const Points& positions_m, int pair, RowSlots
   const int e = deformation_.first(StrainKind::shear_warp) + pair;
   const int f = deformation_.first(StrainKind::shear_weft) + pair;
   const double area = deformation_.area_m2(e);
-  const ShearAngle shear(deformation_.strain(positions_m, e),
-                         deformation_.strain(positions_m, f));
+  const ShearAngle shear(deformation_.strain(positions_m, e), deformation_.strain(positions_m, f));
   LawPoint law = odd_response(fabric_.shear.elastic, shear.angle);
   if (!dissipation_.empty()) {
     const LawPoint lossy = dissipation_[e].evaluate(shear.angle);
@@ -211,12 +222,10 @@ double SheetEnergy::evaluate_shear(const Points& positions_m, int pair, RowSlots
     }
     const auto& by_a = shear.sine_by_warp;
     const auto& by_b = shear.sine_by_weft;
-    store_symmetric(
-        area * (outer * by_a * by_a.transpose() + inner * shear.sine_by_warp_warp()),
-        slots.hessian->rows[e]);
-    store_symmetric(
-        area * (outer * by_b * by_b.transpose() + inner * shear.sine_by_weft_weft()),
-        slots.hessian->rows[f]);
+    store_symmetric(area * (outer * by_a * by_a.transpose() + inner * shear.sine_by_warp_warp()),
+                    slots.hessian->rows[e]);
+    store_symmetric(area * (outer * by_b * by_b.transpose() + inner * shear.sine_by_weft_weft()),
+                    slots.hessian->rows[f]);
     const Eigen::Matrix3d mixed =
         area * (outer * by_a * by_b.transpose() + inner * shear.sine_by_warp_weft());
     std::array<float, 12>& out = slots.hessian->shear[pair];
@@ -232,8 +241,8 @@ double SheetEnergy::evaluate(const Points& positions_m, HessianKind kind, Points
                              StrainHessian* hessian) const {
   RowSlots slots{kind, {}, hessian};
   if (gradient != nullptr) slots.gradient.resize(deformation_.row_count());
-  const int pairs = deformation_.last(StrainKind::shear_warp) -
-                    deformation_.first(StrainKind::shear_warp);
+  const int pairs =
+      deformation_.last(StrainKind::shear_warp) - deformation_.first(StrainKind::shear_warp);
   if (hessian != nullptr) {
     hessian->rows.resize(deformation_.row_count());
     hessian->shear.resize(pairs);
@@ -254,10 +263,10 @@ double SheetEnergy::evaluate(const Points& positions_m, HessianKind kind, Points
   parallel_for(chunks.size(), [&](std::size_t c) {
     double sum = 0.0;
     for (int e = chunks[c].begin; e < chunks[c].end; ++e) {
-      sum += chunks[c].kind == StrainKind::shear_warp
-                 ? evaluate_shear(positions_m, e - deformation_.first(StrainKind::shear_warp),
-                                  slots)
-                 : evaluate_row(positions_m, chunks[c].kind, e, slots);
+      sum +=
+          chunks[c].kind == StrainKind::shear_warp
+              ? evaluate_shear(positions_m, e - deformation_.first(StrainKind::shear_warp), slots)
+              : evaluate_row(positions_m, chunks[c].kind, e, slots);
     }
     energies[c] = sum;
   });
@@ -312,9 +321,8 @@ SheetMemory SheetEnergy::memory_at(const Points& positions_m) {
   set_normals(positions_m);
   SheetMemory memory;
   memory.anchor.assign(deformation_.row_count(), 0.0);
-  each_lossy_row([&](StrainKind kind, int e) {
-    memory.anchor[e] = scalar_strain(positions_m, kind, e);
-  });
+  each_lossy_row(
+      [&](StrainKind kind, int e) { memory.anchor[e] = scalar_strain(positions_m, kind, e); });
   memory.previous = memory.anchor;
   return memory;
 }

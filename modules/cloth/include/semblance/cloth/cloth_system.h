@@ -19,8 +19,8 @@ struct ClothScene {
   Sheet sheet;
   Fabric fabric;
   SheetModel model;
-  Points start_m;                 // positions at the start
-  std::vector<int> fixed;         // vertices that are held where they are
+  Points start_m;          // positions at the start
+  std::vector<int> fixed;  // vertices that are held where they are
   std::vector<Obstacle> obstacles;
   bool self_contact = true;
   Eigen::Vector3d gravity_m_s2 = {0.0, -9.80665, 0.0};

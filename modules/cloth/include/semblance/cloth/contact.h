@@ -61,9 +61,11 @@ struct ContactSurface {
 /// lies there. Two layers of cloth: a quarter of a vertex's area, and 0.2 sqrt(a_1 a_2) for two
 /// edges with a third of the areas of the triangles beside them; two flat layers then sum to their
 /// common area (half from vertices, half from edges that cross; random directions, square grid
-/// split into triangles). Edge of cloth on an edge of a solid: 0.8 reach sqrt(a), which sums to the
-/// length of the solid's edge times reach; a corner: reach squared. Pairs of nearly parallel edges
-/// (sin^2 < 1e-3) fade out smoothly, since their closest points jump; corners hold them.
+/// split into triangles). Edge of cloth on an edge of a solid: 4 reach sqrt(a), which sums to the
+/// length of the solid's edge times 5 reach; a corner: 25 reach squared. There cloth pulls on a
+/// line or a point, and with less it would come so near that steps have to be tiny. Pairs of nearly
+/// parallel edges (sin^2 < 1e-3) fade out smoothly, since their closest points jump; corners hold
+/// them.
 struct ContactOptions {
   double reach_m = 1e-3;     // gaps below it are contacts (d_hat)
   double thickness_m = 0.0;  // of the cloth: layers keep it, solids keep half of it

@@ -19,7 +19,8 @@ namespace semblance {
 enum class StrainKind {
   warp,        // image of the warp's unit vector, tension
   weft,        // of the weft's
-  shear_warp,  // both again, where shear is measured: entry k of one pairs with entry k of the other
+  shear_warp,  // both again, where shear is measured: entry k of one pairs with entry k of the
+               // other
   shear_weft,
   bend_warp,  // second derivatives of the embedding, 1/m
   bend_weft,

@@ -29,9 +29,9 @@ LawPoint tension_response(const Curve& elastic, CompressionLaw law, double buckl
                           double strain);
 
 /// Choi and Ko's interlaced spring of rest length `length_m` (ACM Trans. Graph. 21(3), 2002; the
-/// force derived again from E = k_b length kappa^2 / 2), per area and in y = chord / length. Shorter
-/// than at rest it is an arc of constant length, reached over a ramp of slope `stretch_n_m`; longer,
-/// a linear spring of that slope.
+/// force derived again from E = k_b length kappa^2 / 2), per area and in y = chord / length.
+/// Shorter than at rest it is an arc of constant length, reached over a ramp of slope
+/// `stretch_n_m`; longer, a linear spring of that slope.
 LawPoint interlaced_response(double bending_n_m, double stretch_n_m, double length_m, double y);
 
 /// Internal friction and viscosity over one step. Friction is a slider: a spring of stiffness k

@@ -1,0 +1,37 @@
+// The shape in which a sheet stays.
+#pragma once
+
+#include <functional>
+
+#include "semblance/cloth/cloth_system.h"
+#include "semblance/core/progress.h"
+
+namespace semblance {
+
+/// Rest is where forces balance, with the friction that held on the way: no step moves the sheet
+/// any more. It is approached by quasi-static steps (each the implicit Euler step of a sheet
+/// without velocity, so every one lowers the energy) that grow while they are easy.
+struct RestOptions {
+  double tolerance = 1e-4;  // of the unbalanced forces over the weight
+  double first_step_s = 0.03;
+  double longest_step_s = 3.0;
+  int most_steps = 2000;
+};
+
+struct RestReport {
+  bool at_rest = false;
+  int steps = 0;
+  int newton_iterations = 0;
+  int linear_iterations = 0;
+  double residual = 0.0;
+};
+
+/// Brings `state` to rest. `system`'s scheme must be quasistatic.
+RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& options,
+                  Progress& progress);
+
+/// Positions of `fine` on the surface that `coarse` forms at `positions_m`, triangle by triangle:
+/// what did not cross before does not cross now.
+Points refine(const Sheet& coarse, const Points& positions_m, const Sheet& fine);
+
+}  // namespace semblance
