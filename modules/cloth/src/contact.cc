@@ -169,10 +169,10 @@ class ContactFinder::Impl {
                       const Points& dx, std::vector<std::pair<int, double>>& limits) const;
 
   ContactOptions options_;
-  SurfaceTopology topology_;
   std::vector<Obstacle> obstacles_;
   std::vector<PlacedObstacle> placed_;
   BoundsTree tree_;
+  SurfaceTopology topology_;
   RestNeighbours rest_neighbours_;
   double cloth_radius_m_ = 0.0;  // about each plane's origin, for planes that turn
   double mean_edge_m_ = 0.0;
@@ -196,19 +196,26 @@ class ContactFinder::Impl {
   Statistics statistics_;
 };
 
+namespace {
+
+const Triangles& checked(const ContactSurface& surface) {
+  Mesh mesh;
+  mesh.positions_m = surface.rest_positions_m;
+  mesh.triangles = surface.triangles;
+  validate(mesh, "the cloth");
+  if (mesh.triangle_count() == 0) throw InvalidInput("the cloth has no triangles");
+  return surface.triangles;
+}
+
+}  // namespace
+
 ContactFinder::Impl::Impl(const ContactSurface& surface, std::vector<Obstacle> obstacles,
                           const ContactOptions& options)
     : options_(options),
-      topology_([&] {
-        Mesh mesh;
-        mesh.positions_m = surface.rest_positions_m;
-        mesh.triangles = surface.triangles;
-        validate(mesh, "the cloth");
-        if (mesh.triangle_count() == 0) throw InvalidInput("the cloth has no triangles");
-        return make_topology(surface.rest_positions_m, surface.triangles);
-      }()),
       obstacles_(std::move(obstacles)),
-      tree_(surface.rest_positions_m, surface.triangles) {
+      tree_(surface.rest_positions_m, checked(surface)),
+      topology_(make_topology(surface.rest_positions_m, surface.triangles, tree_.order())) {
+  tree_.renumber();
   check_options();
   if (surface.vertex_area_m2.size() > 0) {
     if (surface.vertex_area_m2.size() != surface.rest_positions_m.rows())
@@ -413,11 +420,11 @@ void ContactFinder::Impl::gather_self(const Points& x, double margin_m) {
   if (found_.size() < tasks.size()) found_.resize(tasks.size());
   PairGroup &vertices = self_.groups[0], &edges = self_.groups[1];
   parallel_for(tasks.size(), [&](std::size_t task) {
-    const auto keep = [&](int a, int b, bool edges, double distance_m) {
+    const auto keep = [&](int a, int b, bool of_edges, double distance_m) {
       if (distance_m >= reach_m) return;
-      const float scale = rest_neighbours_.scale(a, b, edges);
+      const float scale = rest_neighbours_.scale(a, b, of_edges);
       const auto gap_m = static_cast<float>(distance_m - scale * options_.thickness_m);
-      if (scale > 0.0f && gap_m < near_m) found_[task][edges].push_back({a, b, gap_m, scale});
+      if (scale > 0.0f && gap_m < near_m) found_[task][of_edges].push_back({a, b, gap_m, scale});
     };
     const auto point = [&](int v) { return Vector3d(x.row(v)); };
     const auto vertex_triangle = [&](int v, int t) {
@@ -770,7 +777,8 @@ void ContactFinder::Impl::add_contact(const PairGroup& group, const NearPair& pa
 // in closed form, and the pieces are safe until then. There the closest points are found anew, and
 // so on: conservative advancement like that of Li, Kaufman and Jiang (2021), whose bound, the speed
 // of the fastest points, is the special case of all motion along n. Sliding then costs nothing.
-// Points of a body that turns leave their straight lines by no more than angle times radius.
+// Points of a body that turns leave their straight lines with a second derivative of angle squared
+// times radius, which bounds their heights by parabolas.
 
 PairMotion ContactFinder::Impl::motion_of(const PairGroup& group, const NearPair& pair,
                                           const PairVertices& vertices, const Points& dx) const {
@@ -812,6 +820,9 @@ double ContactFinder::Impl::pair_step(const PairGroup& group, const NearPair& pa
     } else if (gap_m < enough_m) {
       break;
     }
+    if (motion.bend_m > 0.0)
+      for (int j = 0; j < positions.points.second_count; ++j)
+        motion.second[j] = placed_[group.obstacle].shift_of(positions.points.second[j], fraction);
     fraction +=
         plane_fraction(positions.points, motion, closest.offset_m / distance_m, offset + room_m);
     if (fraction >= limit) return limit;
