@@ -65,7 +65,9 @@ void ContactFinder::Impl::adapt_margin(PairFamily& family) {
   if (!family.gathered) return;
   if (family.updates < 4) family.margin_m *= 1.5;
   if (family.updates > 16) family.margin_m /= 1.5;
-  const double widest_m = std::max(options_.reach_m, 0.5 * mean_edge_m_);
+  // From 0.6 of an edge on, every part of a flat square grid is near its neighbours.
+  const double widest_m =
+      std::max(options_.reach_m, 0.55 * mean_edge_m_ - options_.reach_m - options_.thickness_m);
   family.margin_m = std::clamp(family.margin_m, 0.5 * options_.reach_m, widest_m);
 }
 
@@ -138,8 +140,9 @@ void ContactFinder::Impl::collect(PairGroup& group, std::size_t task_count, int 
 
 void ContactFinder::Impl::fit_bounds(const Points& x, double inflation_m) {
   bounds_.vertices.resize(x.rows());
-  for (Eigen::Index v = 0; v < x.rows(); ++v)
-    bounds_.vertices[v] = box_around(x.row(v), inflation_m);
+  for_chunks(bounds_.vertices.size(), [&](std::size_t v) {
+    bounds_.vertices[v] = box_around(x.row(static_cast<Eigen::Index>(v)), inflation_m);
+  });
   bounds_.fit(topology_, tree_);
 }
 

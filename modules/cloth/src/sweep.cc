@@ -29,8 +29,10 @@ void ContactFinder::Impl::sweep(const Points& x, const Points& dx) {
   ++statistics_.swept_searches;
   swept_bounds_.vertices.resize(x.rows());
   const auto fit = [&](const std::vector<float>& path) {
-    for (Eigen::Index v = 0; v < x.rows(); ++v)
-      swept_bounds_.vertices[v] = {box_around(x.row(v), 0.0), box_around(dx.row(v), 0.0), path[v]};
+    for_chunks(swept_bounds_.vertices.size(), [&](std::size_t i) {
+      const auto v = static_cast<Eigen::Index>(i);
+      swept_bounds_.vertices[i] = {box_around(x.row(v), 0.0), box_around(dx.row(v), 0.0), path[i]};
+    });
     swept_bounds_.fit(topology_, tree_);
   };
   if (sweep_own) {
