@@ -199,9 +199,11 @@ class CurvesParser {
     response.elastic = mean_curve(response.elastic, reverse.elastic);
     response.friction = mean_curve(response.friction, reverse.friction);
     response.reversal = 0.5 * (response.reversal + reverse.reversal);
-    for (const LoopSample& sample : loop_of(other.measured, mode)) {
-      loop_of(parts_.measured, mode).push_back({-sample.deformation, -sample.force});
-    }
+    append_mirrored(loop_of(parts_.measured, mode), loop_of(other.measured, mode));
+  }
+
+  static void append_mirrored(Loop& loop, const Loop& reverse) {
+    for (const LoopSample& sample : reverse) loop.push_back({-sample.deformation, -sample.force});
   }
 
   CsvRows rows_;
