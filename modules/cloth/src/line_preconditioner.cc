@@ -20,8 +20,14 @@ constexpr int lanes = 8;
 constexpr int colours = 3;
 // Aligned as every allocation is: the stack of code for older processors keeps no more.
 using Lane = double __attribute__((vector_size(8 * lanes), aligned(16)));
-using LaneVector = std::array<Lane, 3>;
-using Block = std::array<Lane, 9>;  // by columns
+template <int count>
+struct Lanes {
+  Lane lane[count];
+  Lane& operator[](int k) { return lane[k]; }
+  const Lane& operator[](int k) const { return lane[k]; }
+};
+using LaneVector = Lanes<3>;
+using Block = Lanes<9>;  // by columns
 
 /// c -= a b'.
 [[gnu::always_inline]] inline void subtract_outer(const Block& a, const Block& b, Block& c) {
