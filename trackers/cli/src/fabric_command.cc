@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "semblance/cloth/fabric_io.h"
 #include "semblance/cloth/loop_drawing.h"
+#include "semblance/cloth/sheet_specimen.h"
 
 namespace semblance::cli {
 
@@ -87,7 +88,7 @@ std::string given_label(const FabricOptions& options, const FabricRecord& record
 void run_test(const Context& context, const FabricOptions& options) {
   const FabricRecord record = read_fabric_record(options.file, options.name);
   const Fabric& fabric = record.fabric;
-  const KesLoops loops = run_kes_tests(material_points(fabric));
+  const KesLoops loops = run_kes_tests(sheet_specimens(fabric));
   const auto figures = compare_figures(record.given, figures_of(loops));
   LoopDrawing drawing;
   drawing.title = fabric.name.empty() ? "KES tests" : "KES tests: " + fabric.name;
