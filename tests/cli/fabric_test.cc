@@ -48,7 +48,8 @@ TEST_F(FabricCommand, TestsAFabricOfMany) {
   const auto summary = nlohmann::json::parse(file_bytes(path("summary.json")));
   EXPECT_EQ(summary["fabric"], "lining");
   EXPECT_EQ(summary["figures"].size(), 15u);
-  EXPECT_LT(summary["largest_residual_pct"].get<double>(), 0.1);
+  // On a sheet of 0.5 mm: second differences of the tightest arc fall short by (k h)^2 / 24.
+  EXPECT_LT(summary["largest_residual_pct"].get<double>(), 0.3);
   EXPECT_THAT(file_bytes(path("out/loops.svg")), HasSubstr("KES tests: lining"));
   // What it writes can be read again.
   for (const char* name : {"out/loops.csv", "out/fabric.json"}) {

@@ -304,7 +304,7 @@ TEST(Contacts, AcrossASharpEdgeSumToItsLength) {
       x.col(1).array() += half_m + 1e-4;
       finder.update(x);
       for (const Contact& c : finder.contacts(x))
-        if (c.kind == ContactKind::edge_solid_edge) sum += c.area_m2 / options.reach_m;
+        if (c.kind == ContactKind::edge_solid_edge) sum += c.area_m2 / (5.0 * options.reach_m);
       length_m += 0.2;
     }
     EXPECT_NEAR(sum, length_m, (0.03 + 8.0 * spacing_m) * length_m) << spacing_m;
