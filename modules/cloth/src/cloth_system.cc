@@ -259,4 +259,14 @@ double ClothSystem::rest_residual(const ClothState& state) {
   return gradient.norm() / weight_norm();
 }
 
+ClothEnergies ClothSystem::energies(const ClothState& state) {
+  ClothEnergies out;
+  energy_.begin_elastic();
+  out.elastic_j = energy_.energy(state.positions_m);
+  out.contact_j = add_barriers(finder_.contacts(state.positions_m), law_, nullptr, nullptr);
+  out.kinetic_j = 0.5 * masses_kg_.dot(state.velocities_m_s.rowwise().squaredNorm());
+  out.gravity_j = -masses_kg_.dot(state.positions_m * scene_.gravity_m_s2);
+  return out;
+}
+
 }  // namespace semblance
