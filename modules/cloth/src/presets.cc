@@ -60,16 +60,14 @@ ClothScene disc_scene(double spacing_m, const Fabric& fabric) {
   return scene;
 }
 
-/// Two columns of vertices are held. Bending begins midway between them, as a clamped quad carries
-/// no energy, so that line is where u = 0 and x = 0.
+/// Two columns of vertices are held: bending begins at the second, where u = 0 and x = 0.
 ClothScene strip_scene(double spacing_m, const Fabric&) {
   constexpr double free_m = 0.2, width_m = 0.02;
-  const double quads = std::max(1.0, std::round(free_m / spacing_m + 0.5));
-  const double along_m = free_m / (quads - 0.5);
+  const double along_m = free_m / std::max(1.0, std::round(free_m / spacing_m));
   ClothScene scene;
-  scene.sheet = make_rectangle(quads * along_m, width_m, std::min(spacing_m, along_m));
+  scene.sheet = make_rectangle(free_m + along_m, width_m, along_m);
   const SheetGrid& grid = *scene.sheet.grid;
-  scene.sheet.material_m.col(0).array() -= 0.5 * grid.warp_spacing_m;
+  scene.sheet.material_m.col(0).array() -= grid.warp_spacing_m;
   scene.start_m = lay_flat(scene.sheet, {0.0, 0.0, 0.5 * width_m});
   for (int j = 0; j < grid.rows; ++j) {
     for (const int i : {0, 1}) scene.fixed.push_back(grid.vertex(i, j));
