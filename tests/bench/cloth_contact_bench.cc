@@ -104,7 +104,7 @@ void step(benchmark::State& state, bool roll, double spacing_m, int threads, dou
   set_thread_count(threads);
   Case c = make_case(roll, spacing_m);
   c.finder.update(c.x);
-  const Points dx = testing::crumpled(c.x, size_m, 0.05, 3) - c.x;
+  const Points dx = testing::crumpled(c.x, size_m, 0.3, 3) - c.x;
   Eigen::VectorXd fractions;
   double fraction = 1.0;
   for (auto _ : state) {

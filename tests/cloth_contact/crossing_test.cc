@@ -35,7 +35,7 @@ TEST(Orientation, IsThatOfWholeNumbers) {
   Random random(1);
   int flat = 0;
   for (int i = 0; i < 20000; ++i) {
-    const int size = i % 2 ? 2 : 1 << 30;
+    const int size = i % 2 ? 2 : 1 << 29;
     Vector3d a = whole_point(random, size), b = whole_point(random, size);
     Vector3d c = whole_point(random, size);
     // In the plane of the others, or one unit beside it.

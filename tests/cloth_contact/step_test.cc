@@ -247,9 +247,9 @@ TEST(MaxStepUntil, StopsBodiesThatComeAndTurn) {
     double time_s = 0.0;
     for (int step = 0; step < 40; ++step) {
       Points dx = noise(x.rows(), 2e-4, step);
-      for (const Contact& c : finder.contacts(x))  // else the gap shrinks to nothing
+      for (const Contact& c : finder.contacts(x))  // faster than the bar comes
         for (int i = 0; i < 4 && c.vertex[i] >= 0; ++i)
-          dx.row(c.vertex[i]) += 2e-3 * c.weight[i] * c.normal.transpose();
+          dx.row(c.vertex[i]) += 2e-2 * c.weight[i] * c.normal.transpose();
       const double next_s = time_s + 0.01;
       const double fraction = finder.max_step_until(x, dx, next_s);
       ASSERT_GT(fraction, 0.0);
@@ -259,8 +259,7 @@ TEST(MaxStepUntil, StopsBodiesThatComeAndTurn) {
       time_s += fraction * 0.01;
       finder.update(x);
       ASSERT_TRUE(finder.penetrations(x).empty()) << step;
-      for (const Contact& c : finder.contacts(x))
-        ASSERT_GT(c.gap_m, 0.0) << step << " " << as_mesh << " " << int(c.kind) << " " << c.key<<" "<<fraction;
+      for (const Contact& c : finder.contacts(x)) ASSERT_GT(c.gap_m, 0.0) << step;
     }
     EXPECT_TRUE(stopped);
   }

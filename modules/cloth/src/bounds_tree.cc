@@ -16,6 +16,8 @@ BoundsTree::BoundsTree(const Points& positions_m, const Triangles& triangles, in
   split(0, 0, static_cast<int>(order_.size()), leaf_size, centres);
 }
 
+void BoundsTree::renumber() { std::iota(order_.begin(), order_.end(), 0); }
+
 void BoundsTree::split(int node, int first, int count, int leaf_size, const Points& centres) {
   if (count <= leaf_size) {
     nodes_[node] = {first, count};

@@ -55,6 +55,8 @@ class BoundsTree {
 
   const std::vector<Node>& nodes() const { return nodes_; }
   const std::vector<int>& order() const { return order_; }
+  /// Tells the tree that the triangles have been put in its order.
+  void renumber();
 
   /// Bounds of all nodes from those of the triangles.
   template <typename Bound>

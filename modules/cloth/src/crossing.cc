@@ -42,6 +42,7 @@ class ExactSum {
   }
 
   void add(double value) {
+    if (value == 0.0) return;
     int kept = 0;
     for (int i = 0; i < size_; ++i) {
       const double sum = value + parts_[i], part = sum - value;
@@ -137,6 +138,9 @@ bool point_in_triangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, 
 
 int orientation(const Vector3d& a, const Vector3d& b, const Vector3d& c, const Vector3d& d) {
   const Vector3d ad = a - d, bd = b - d, cd = c - d;
+  // Flat in an axis, as cloth on a table: a difference is zero only if it is so exactly.
+  for (int axis = 0; axis < 3; ++axis)
+    if (ad[axis] == 0.0 && bd[axis] == 0.0 && cd[axis] == 0.0) return 0;
   const double bc = bd.x() * cd.y(), cb = cd.x() * bd.y();
   const double ca = cd.x() * ad.y(), ac = ad.x() * cd.y();
   const double ab = ad.x() * bd.y(), ba = bd.x() * ad.y();

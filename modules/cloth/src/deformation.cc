@@ -15,7 +15,7 @@ bool is_fixed(const std::vector<bool>& fixed, int vertex) {
 }
 
 /// Rows of a grid, kind by kind. Areas are sums over the quads that are not clamped, so the terms
-/// at borders and clamps have what lies inside only (the trapezoidal rule).
+/// at borders and clamps have what lies inside only.
 class GridRows {
  public:
   GridRows(const SheetGrid& grid, const std::vector<bool>& fixed, Deformation& out)
@@ -98,9 +98,13 @@ class GridRows {
     out_.add(kind, area, entries);
   }
 
+  /// At a clamp's edge the turn between two spacings happens on the free one's half.
   void second_difference(StrainKind kind, int i, int j, int di, int dj) {
     if (!inside(i - di, j - dj) || !inside(i + di, j + dj)) return;
-    const double h = spacing(di, dj), c = 1.0 / (h * h);
+    const double before = quad_area(i - 1, j - 1) + quad_area(i - di, j - dj);
+    const double after = quad_area(i, j) + quad_area(i - dj, j - di);
+    const double length = spacing(di, dj) * (before == 0.0 || after == 0.0 ? 0.5 : 1.0);
+    const double c = 1.0 / (spacing(di, dj) * length);
     const std::array entries{StrainEntry{grid_.vertex(i - di, j - dj), c},
                              StrainEntry{grid_.vertex(i, j), -2.0 * c},
                              StrainEntry{grid_.vertex(i + di, j + dj), c}};

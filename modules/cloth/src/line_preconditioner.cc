@@ -159,7 +159,10 @@ class LineSolver {
   }
 
   void prepare(const BlockMatrix& matrix) {
-    if (place_.empty()) find_places(matrix);
+    if (place_.empty()) {
+      find_places(matrix);
+      leave_out_fixed(matrix);
+    }
     matrix_ = &matrix;
     parallel_for(colours * packs_per_colour(),
                  [&](std::size_t pack) { factor(static_cast<int>(pack)); });
@@ -204,6 +207,12 @@ class LineSolver {
         place_[static_cast<std::size_t>(at) * length_ + i] = {
             i > 0 ? find(v, vertex(at, i - 1)) : -1, i > 1 ? find(v, vertex(at, i - 2)) : -1};
       }
+    }
+  }
+
+  void leave_out_fixed(const BlockMatrix& matrix) {
+    for (int& v : vertices_) {
+      if (v >= 0 && !matrix.fixed.empty() && matrix.fixed[v]) v = -1;
     }
   }
 

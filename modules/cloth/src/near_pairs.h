@@ -72,6 +72,15 @@ Box box_around(const Point& point, double inflation_m) {
   return box;
 }
 
+/// body(i) for 0 <= i < count, on several threads where that pays.
+template <typename Body>
+void for_chunks(std::size_t count, const Body& body) {
+  constexpr std::size_t chunk = 4096;
+  parallel_for((count + chunk - 1) / chunk, [&](std::size_t c) {
+    for (std::size_t i = c * chunk; i < std::min(count, (c + 1) * chunk); ++i) body(i);
+  });
+}
+
 /// Bounds of all parts of a surface; those of its vertices are given.
 template <typename Bound>
 struct SurfaceBounds {
@@ -80,16 +89,16 @@ struct SurfaceBounds {
   void fit(const SurfaceTopology& topology, const BoundsTree& tree) {
     edges.resize(topology.edges.size());
     triangles.resize(topology.owned.size());
-    for (std::size_t e = 0; e < edges.size(); ++e) {
+    for_chunks(edges.size(), [&](std::size_t e) {
       edges[e] = vertices[topology.edges[e][0]];
       edges[e].include(vertices[topology.edges[e][1]]);
-    }
-    for (std::size_t t = 0; t < triangles.size(); ++t) {
+    });
+    for_chunks(triangles.size(), [&](std::size_t t) {
       const auto corners = topology.triangles.row(static_cast<Eigen::Index>(t));
       triangles[t] = vertices[corners[0]];
       triangles[t].include(vertices[corners[1]]);
       triangles[t].include(vertices[corners[2]]);
-    }
+    });
     tree.refit(triangles, nodes);
   }
 };

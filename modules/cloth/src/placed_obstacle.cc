@@ -29,8 +29,9 @@ PlacedObstacle::PlacedObstacle(const Obstacle& obstacle) : obstacle_(obstacle) {
   if (is_solid()) return;
   if (obstacle.surface->triangle_count() == 0)
     throw InvalidInput(obstacle.name + ": the mesh has no triangles");
-  topology_ = make_topology(corners_, obstacle.surface->triangles);
   tree_ = std::make_unique<BoundsTree>(corners_, obstacle.surface->triangles);
+  topology_ = make_topology(corners_, obstacle.surface->triangles, tree_->order());
+  tree_->renumber();
 }
 
 const std::vector<std::array<int, 2>>& PlacedObstacle::edges() const {
@@ -38,11 +39,12 @@ const std::vector<std::array<int, 2>>& PlacedObstacle::edges() const {
 }
 
 bool PlacedObstacle::has_edge(const std::array<int, 2>& edge) const {
+  if (!is_solid()) return true;  // all sides of its triangles
   return std::binary_search(edges().begin(), edges().end(), edge);
 }
 
 const Triangles& PlacedObstacle::faces() const {
-  return is_solid() ? obstacle_.solid->faces : obstacle_.surface->triangles;
+  return is_solid() ? obstacle_.solid->faces : topology_.triangles;
 }
 
 void PlacedObstacle::positions(double time_s, Rigid3& place, Points& corners) const {

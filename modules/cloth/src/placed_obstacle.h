@@ -24,7 +24,8 @@ class PlacedObstacle {
   /// Corners of the core or of the mesh, in the world.
   const Points& corners() const { return corners_; }
   const std::vector<std::array<int, 2>>& edges() const;
-  bool has_edge(const std::array<int, 2>& edge) const;  // smaller corner first
+  /// Whether a side of a face (smaller corner first) is an edge, not a diagonal.
+  bool has_edge(const std::array<int, 2>& side) const;
   const Triangles& faces() const;
   const SurfaceTopology& topology() const { return topology_; }  // of a mesh
   const BoundsTree& tree() const { return *tree_; }              // of a mesh

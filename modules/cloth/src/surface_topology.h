@@ -18,12 +18,15 @@ struct SurfaceTopology {
   };
 
   Triangles triangles;
-  std::vector<std::array<int, 2>> edges;  // each once, smaller vertex first, sorted
+  std::vector<std::array<int, 2>> edges;  // each once, smaller vertex first
   std::vector<Owned> owned;               // by each triangle
   Eigen::VectorXd vertex_area_m2;         // a third of the triangles around
   Eigen::VectorXd edge_area_m2;           // a third of the triangles beside
 };
 
-SurfaceTopology make_topology(const Points& rest_positions_m, const Triangles& triangles);
+/// Triangles in the given order and edges in the order of their first triangle: what is near in
+/// space is then near in memory.
+SurfaceTopology make_topology(const Points& rest_positions_m, const Triangles& triangles,
+                              const std::vector<int>& order);
 
 }  // namespace semblance
