@@ -210,8 +210,40 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
   }
 }
 
+/// Forces at the start, where friction of the last step still holds, and viscosity, which knows no
+/// rate there, is zero. Not solved where the way is not clear.
+StepReport ClothSystem::step_explicitly(ClothState& state, double step_s) {
+  Step step;
+  step.inertial = step.still = state.positions_m;
+  energy_.begin_step(state.positions_m, state.memory, std::numeric_limits<double>::infinity());
+  step.friction =
+      FrictionStep(finder_.contacts(state.positions_m), state.positions_m, step_s, law_,
+                   state.friction);
+  Points gradient;
+  derivatives(step, state.positions_m, gradient, nullptr);
+  const double drag = 1.0 / (1.0 + step_s * scene_.fabric.mass_damping_1_s);
+  for (Eigen::Index v = 0; v < gradient.rows(); ++v) {
+    state.velocities_m_s.row(v) =
+        drag * (state.velocities_m_s.row(v) - step_s / masses_kg_[v] * gradient.row(v));
+  }
+  const Points displacement = step_s * state.velocities_m_s;
+  StepReport report;
+  report.residual = gradient.norm() / weight_norm();
+  if (!displacement.allFinite()) return report;
+  const Stopwatch watch(timing_.contact_s);
+  report.solved = finder_.max_step(state.positions_m, displacement) == 1.0;
+  if (!report.solved) return report;
+  state.positions_m += displacement;
+  finder_.update(state.positions_m);
+  energy_.end_step(state.positions_m, state.memory);
+  state.friction = step.friction.memory(state.positions_m);
+  state.time_s += step_s;
+  return report;
+}
+
 StepReport ClothSystem::step(ClothState& state, double step_s) {
   const Stopwatch watch(timing_.total_s);
+  if (options_.scheme == TimeScheme::explicit_euler) return step_explicitly(state, step_s);
   Step step;
   step.step_s = step_s;
   const bool still = options_.scheme == TimeScheme::quasistatic;

@@ -37,7 +37,7 @@ struct ClothState {
 };
 
 enum class TimeScheme {
-  explicit_euler,  // symplectic: velocities first; steps below the stability limit
+  explicit_euler,  // symplectic: velocities first; steps below the stability limit; no viscosity
   implicit_euler,
   bdf2,         // variable steps; its first step is implicit Euler's
   quasistatic,  // implicit Euler from standstill: no step keeps a velocity
@@ -101,6 +101,7 @@ class ClothSystem {
 
  private:
   struct Step;
+  StepReport step_explicitly(ClothState& state, double step_s);
   StepReport solve(Step& step, Points& x);
   double value(const Step& step, const Points& x);
   double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
