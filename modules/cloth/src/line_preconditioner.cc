@@ -170,12 +170,18 @@ class LineSolver {
 
   /// Adds to z what the lines of a colour need to meet r, with all others held.
   void correct(int colour, const BlockVector& r, BlockVector& z) {
-    parallel_for(packs_per_colour(), [&](std::size_t k) {
+    const auto correct_one = [&](std::size_t k) {
       const std::size_t pack = colour * packs_per_colour() + k;
       const std::size_t first = pack * length_;
       correct_pack(*matrix_, {vertices_.data() + first * lanes, length_, factors_.data() + first},
                    r.data(), z.data(), work_[pack].data());
-    });
+    };
+    // Below this waking other threads takes longer than the work.
+    if (length_ * lines_per_colour() < 1000) {
+      for (int k = 0; k < packs_per_colour(); ++k) correct_one(k);
+    } else {
+      parallel_for(packs_per_colour(), correct_one);
+    }
   }
 
  private:

@@ -1,0 +1,117 @@
+#include "semblance/cloth/block_matrix.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Dense>
+
+#include "semblance/cloth/linear_solver.h"
+#include "sheets.h"
+
+namespace semblance {
+namespace {
+
+Eigen::MatrixXd dense(const BlockMatrix& a) {
+  const int n = a.pattern->row_count();
+  Eigen::MatrixXd out(3 * n, 3 * n);
+  for (int k = 0; k < 3 * n; ++k) {
+    BlockVector unit = BlockVector::Zero(4, n), column;
+    unit(k % 3, k / 3) = 1.0;
+    a.multiply(unit, column);
+    for (int i = 0; i < n; ++i) out.block<3, 1>(3 * i, k) = column.col(i).head<3>();
+  }
+  return out;
+}
+
+/// The matrix of a curved sheet in a step, with two vertices held and two contacts: one between
+/// neighbours, one between parts that have nothing to do with each other.
+class SystemMatrix : public testing::Test {
+ protected:
+  SystemMatrix() {
+    fixed_.assign(sheet_.vertex_count(), false);
+    fixed_[0] = fixed_[6] = true;
+    const SheetEnergy energy(sheet_, linear_fabric(), {}, fixed_);
+    assembly_ = std::make_unique<Assembly>(energy.deformation(),
+                                           static_cast<int>(sheet_.vertex_count()), fixed_);
+    Points gradient;
+    StrainHessian strains;
+    energy.hessian(crumpled(sheet_, 1e-4), HessianKind::convex, gradient, strains);
+    assembly_->assemble(strains, matrix_);
+    for (auto& own : matrix_.own) own[0] = own[3] = own[5] = 0.05f;
+    plain_ = matrix_;
+    stiffness_ = Eigen::Vector3d(1.0, 2.0, -1.0) * Eigen::RowVector3d(1.0, 2.0, -1.0);
+    matrix_.add({1, 2, 8, -1}, {0.5, 0.3, 0.2, 0.0}, 40.0 * stiffness_);
+    matrix_.add({10, 40, 41, 47}, {1.0, -0.2, -0.3, -0.5}, stiffness_);
+    matrix_.complete_diagonal();
+    plain_.complete_diagonal();
+  }
+
+  Sheet sheet_ = make_rectangle(0.06, 0.07, 0.01);
+  std::vector<bool> fixed_;
+  std::unique_ptr<Assembly> assembly_;
+  Eigen::Matrix3d stiffness_;
+  BlockMatrix matrix_, plain_;
+};
+
+TEST_F(SystemMatrix, ContactsAddTheirStiffness) {
+  Eigen::MatrixXd expected = dense(plain_);
+  const auto add = [&](std::vector<int> v, std::vector<double> w, double scale) {
+    for (std::size_t i = 0; i < v.size(); ++i) {
+      for (std::size_t j = 0; j < v.size(); ++j) {
+        expected.block<3, 3>(3 * v[i], 3 * v[j]) += scale * w[i] * w[j] * stiffness_;
+      }
+    }
+  };
+  add({1, 2, 8}, {0.5, 0.3, 0.2}, 40.0);
+  add({10, 40, 41, 47}, {1.0, -0.2, -0.3, -0.5}, 1.0);
+  EXPECT_LT((dense(matrix_) - expected).norm(), 1e-6 * expected.norm());
+}
+
+TEST_F(SystemMatrix, FixedVerticesStandAlone) {
+  const Eigen::MatrixXd a = dense(matrix_);
+  for (int k = 0; k < 3; ++k) {
+    Eigen::VectorXd unit = Eigen::VectorXd::Zero(a.rows());
+    unit[18 + k] = 1.0;
+    EXPECT_EQ(Eigen::VectorXd(a.row(18 + k)), unit);
+  }
+}
+
+TEST_F(SystemMatrix, SolversAgreeWithADenseFactorisation) {
+  const int n = static_cast<int>(sheet_.vertex_count());
+  BlockVector b = BlockVector::Zero(4, n);
+  b.topRows<3>() = random_points(n, 7).transpose();
+  for (const int f : {0, 6}) b.col(f).setZero();
+  Eigen::MatrixXd a = dense(matrix_);
+  for (const int f : {0, 6})
+    a.middleCols(3 * f, 3).setZero(), a.middleCols(3 * f, 3).middleRows(3 * f, 3).setIdentity();
+  const Eigen::MatrixXd right = b.topRows<3>();
+  const Eigen::VectorXd exact =
+      a.ldlt().solve(Eigen::Map<const Eigen::VectorXd>(right.data(), 3 * n));
+  for (const char* name : {"jacobi", "lines"}) {
+    const auto solver = make_linear_solver(name, sheet_);
+    solver->prepare(matrix_);
+    BlockVector x = BlockVector::Zero(4, n);
+    solver->solve(b, 1e-9, x);
+    const Eigen::MatrixXd found = x.topRows<3>();
+    const Eigen::Map<const Eigen::VectorXd> flat(found.data(), 3 * n);
+    EXPECT_LT((flat - exact).norm(), 1e-3 * exact.norm()) << name;
+  }
+}
+
+TEST_F(SystemMatrix, LinesNeedFarFewerIterations) {
+  const int n = static_cast<int>(sheet_.vertex_count());
+  BlockVector b = BlockVector::Zero(4, n);
+  b.topRows<3>() = random_points(n, 7).transpose();
+  for (const int f : {0, 6}) b.col(f).setZero();
+  int iterations[2];
+  for (const int k : {0, 1}) {
+    const auto solver = make_linear_solver(k == 0 ? "jacobi" : "lines", sheet_);
+    solver->prepare(matrix_);
+    BlockVector x = BlockVector::Zero(4, n);
+    iterations[k] = solver->solve(b, 1e-3, x).iterations;
+  }
+  EXPECT_LT(4 * iterations[1], iterations[0]);
+}
+
+}  // namespace
+}  // namespace semblance

@@ -1,0 +1,51 @@
+// Sheets and fabrics that the cloth's tests share.
+#pragma once
+
+#include <cmath>
+
+#include "semblance/cloth/cloth_system.h"
+#include "semblance/core/random.h"
+
+namespace semblance {
+
+/// Straight curves, no friction: what closed forms need.
+inline Fabric linear_fabric(double tension_n_m = 5000.0, double shear_n_m = 60.0,
+                            double bending_n_m = 1e-4) {
+  Fabric fabric;
+  fabric.name = "linear";
+  fabric.area_density_kg_m2 = 0.2;
+  fabric.thickness_m = 1e-3;
+  fabric.tension = {linear_response(tension_n_m, 0.1), linear_response(tension_n_m, 0.1)};
+  fabric.shear = linear_response(shear_n_m, 0.14);
+  fabric.bending = {linear_response(bending_n_m, 250.0), linear_response(bending_n_m, 250.0)};
+  return fabric;
+}
+
+/// (u, v) at (x, -z), so that the front looks up.
+inline Points laid_flat(const Sheet& sheet) {
+  Points x = Points::Zero(sheet.vertex_count(), 3);
+  x.col(0) = sheet.material_m.col(0);
+  x.col(2) = -sheet.material_m.col(1);
+  return x;
+}
+
+/// Curved, sheared, stretched here and compressed there, and rough by `noise_m`.
+inline Points crumpled(const Sheet& sheet, double noise_m, std::uint64_t seed = 1) {
+  Random random(seed);
+  Points x(sheet.vertex_count(), 3);
+  for (Eigen::Index i = 0; i < x.rows(); ++i) {
+    const double u = sheet.material_m(i, 0), v = sheet.material_m(i, 1);
+    x.row(i) << 1.01 * u, 0.01 * std::sin(30.0 * u) * std::cos(20.0 * v), 0.99 * v + 0.1 * u;
+    for (int c = 0; c < 3; ++c) x(i, c) += noise_m * random.normal();
+  }
+  return x;
+}
+
+inline Points random_points(Eigen::Index rows, std::uint64_t seed) {
+  Random random(seed);
+  Points out(rows, 3);
+  for (Eigen::Index i = 0; i < out.size(); ++i) out.data()[i] = random.normal();
+  return out;
+}
+
+}  // namespace semblance
