@@ -96,7 +96,7 @@ TEST(ShapeError, IsTheMeanDistanceOfCounterparts) {
   const Points b = lay_flat(fine, {0.03, 0.04, 0.0});
   EXPECT_NEAR(shape_error_m(coarse, a, fine, b), 0.05, 1e-12);
   EXPECT_NEAR(shape_error_m(fine, b, coarse, a), 0.05, 1e-12);
-  EXPECT_EQ(shape_error_m(fine, b, fine, b), 0.0);
+  EXPECT_NEAR(shape_error_m(fine, b, fine, b), 0.0, 1e-15);
 }
 
 TEST(ShapeError, RefusesAnotherPieceOfFabric) {

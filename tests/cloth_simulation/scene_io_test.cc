@@ -151,7 +151,8 @@ TEST_F(SceneFile, NamesWhatIsWrong) {
   expect_refused(scene_with("sheet", {{"kind", "sock"}}), "rectangle, disc or mesh");
   expect_refused(scene_with("model", "rubber"), "choi-ko");
   expect_refused(scene_with("colour", "red"), "unknown key 'colour'");
-  expect_refused(scene_with("fabric", "silk.json"), "silk.json");
+  EXPECT_THAT([&] { read(scene_with("fabric", "silk.json")); },
+              ThrowsMessage<IoError>(HasSubstr("silk.json")));
   expect_refused(scene_with("obstacles", {{{"kind", "cone"}}}), "mesh_sequence");
   expect_refused(scene_with("obstacles", {{{"kind", "box"}}}), "size_m");
   expect_refused(scene_with("obstacles", {{{"kind", "box"}, {"size_m", {1, -1, 1}}}}), "positive");

@@ -103,6 +103,7 @@ class ClothSystem {
   struct Step;
   StepReport step_explicitly(ClothState& state, double step_s);
   StepReport solve(Step& step, Points& x);
+  StepReport solve_among_moving(Step& step, double end_s, Points& x);
   double value(const Step& step, const Points& x);
   double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
 
@@ -110,6 +111,7 @@ class ClothSystem {
   StepOptions options_;
   Eigen::VectorXd masses_kg_;
   std::vector<bool> fixed_;
+  bool moving_ = false;  // any obstacle
   SheetEnergy energy_;
   Assembly assembly_;
   ContactFinder finder_;
