@@ -54,8 +54,9 @@ TEST(Checkpoint, RefusesEveryCut) {
 TEST(Checkpoint, RefusesAChangedByte) {
   std::string bytes = format_checkpoint(some_checkpoint());
   bytes[200] ^= 4;
-  EXPECT_THAT([&] { parse_checkpoint(bytes, "run/checkpoint.bin"); },
-              ThrowsMessage<InvalidInput>(HasSubstr("run/checkpoint.bin: this checkpoint is damaged")));
+  EXPECT_THAT(
+      [&] { parse_checkpoint(bytes, "run/checkpoint.bin"); },
+      ThrowsMessage<InvalidInput>(HasSubstr("run/checkpoint.bin: this checkpoint is damaged")));
 }
 
 TEST(Checkpoint, RefusesPositionsThatAreNotFinite) {

@@ -21,7 +21,8 @@ Points shaped(const Sheet& sheet, const Radius& radius, const Height& height) {
   for (Eigen::Index v = 0; v < out.rows(); ++v) {
     const Eigen::Vector2d p = sheet.material_m.row(v);
     const double r = p.norm(), angle = std::atan2(p.y(), p.x());
-    out.row(v) << radius(r, angle) * std::cos(angle), height(r), -radius(r, angle) * std::sin(angle);
+    out.row(v) << radius(r, angle) * std::cos(angle), height(r),
+        -radius(r, angle) * std::sin(angle);
   }
   return out;
 }
@@ -45,8 +46,8 @@ TEST(Drape, AConeHasThatOfItsAngle) {
       return r <= disc_m ? r : disc_m + (r - disc_m) * std::cos(angle);
     };
     const auto height = [&](double r) { return -std::max(0.0, r - disc_m) * std::sin(angle); };
-    const double expected = (out_m * out_m - disc_m * disc_m) /
-                            (specimen_m * specimen_m - disc_m * disc_m);
+    const double expected =
+        (out_m * out_m - disc_m * disc_m) / (specimen_m * specimen_m - disc_m * disc_m);
     const DrapeProfile profile =
         measure_drape(sheet, shaped(sheet, radius, height), {.disc_radius_m = disc_m});
     EXPECT_TRUE(profile.star_shaped);
@@ -77,8 +78,8 @@ TEST(Drape, AHemThatTurnsInIsNotTheOutline) {
   const DrapeProfile profile =
       measure_drape(sheet, shaped(sheet, radius, zero), {.disc_radius_m = disc_m});
   EXPECT_FALSE(profile.star_shaped);
-  const double expected = (0.13 * 0.13 - disc_m * disc_m) /
-                          (specimen_m * specimen_m - disc_m * disc_m);
+  const double expected =
+      (0.13 * 0.13 - disc_m * disc_m) / (specimen_m * specimen_m - disc_m * disc_m);
   EXPECT_NEAR(profile.coefficient, expected, 2e-3);
   EXPECT_NEAR(profile.radii_m[17], 0.13, 1e-4);
 }

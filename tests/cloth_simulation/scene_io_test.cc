@@ -16,10 +16,10 @@
 namespace semblance::testing {
 namespace {
 
+using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
-using nlohmann::json;
 
 class SceneFile : public ::testing::Test {
  protected:
@@ -44,7 +44,8 @@ class SceneFile : public ::testing::Test {
 
   const json sheet = {{"kind", "rectangle"}, {"warp_m", 1.0}, {"weft_m", 0.6}};
   json scene_with(const std::string& key, const json& value) const {
-    json scene = {{"schema", "semblance.cloth_scene/1"}, {"fabric", "cotton.json"}, {"sheet", sheet}};
+    json scene = {
+        {"schema", "semblance.cloth_scene/1"}, {"fabric", "cotton.json"}, {"sheet", sheet}};
     scene[key] = value;
     return scene;
   }
@@ -91,7 +92,8 @@ TEST_F(SceneFile, ReadsASheetFromAMesh) {
   Mesh mesh = square.mesh(lay_flat(square, {1.0, 2.0, 3.0}));
   mesh.uvs = square.material_m.cast<float>();
   write_mesh(path("square.obj"), mesh);
-  const SimulationSetup setup = read(scene_with("sheet", {{"kind", "mesh"}, {"file", "square.obj"}}));
+  const SimulationSetup setup =
+      read(scene_with("sheet", {{"kind", "mesh"}, {"file", "square.obj"}}));
   EXPECT_FALSE(setup.has_spacing);
   const ClothScene scene = setup.make(0.5);
   EXPECT_EQ(scene.sheet.vertex_count(), 9);
@@ -120,24 +122,22 @@ TEST_F(SceneFile, ReadsASequenceOfMeshes) {
   write_tetrahedron("body_08.obj", 0.0);
   write_tetrahedron("body_09.obj", 0.1);
   write_tetrahedron("body_10.obj", 0.2);
-  const ClothScene scene =
-      read(scene_with("obstacles", {{{"kind", "mesh_sequence"},
-                                     {"name", "body"},
-                                     {"files", "body_##.obj"},
-                                     {"first", 8},
-                                     {"fps", 10}}}))
-          .make(0.1);
+  const ClothScene scene = read(scene_with("obstacles", {{{"kind", "mesh_sequence"},
+                                                          {"name", "body"},
+                                                          {"files", "body_##.obj"},
+                                                          {"first", 8},
+                                                          {"fps", 10}}}))
+                               .make(0.1);
   EXPECT_NEAR(obstacle_mesh(scene.obstacles[0], 0.05).positions_m(0, 1), 0.05, 1e-9);
   EXPECT_NEAR(obstacle_mesh(scene.obstacles[0], 9.0).positions_m(0, 1), 0.2, 1e-9);
 }
 
 TEST_F(SceneFile, ReadsEveryKindOfBody) {
   write_tetrahedron("stone.ply", 1.0);
-  const json bodies = {
-      {{"kind", "plane"}, {"normal", {0, 2, 0}}},
-      {{"kind", "sphere"}, {"radius_m", 0.2}, {"translation_m", {0, -1, 0}}},
-      {{"kind", "drape_tester"}, {"top_centre_m", {3, 0, 0}}},
-      {{"kind", "mesh"}, {"file", "stone.ply"}, {"translation_m", {5, 0, 0}}}};
+  const json bodies = {{{"kind", "plane"}, {"normal", {0, 2, 0}}},
+                       {{"kind", "sphere"}, {"radius_m", 0.2}, {"translation_m", {0, -1, 0}}},
+                       {{"kind", "drape_tester"}, {"top_centre_m", {3, 0, 0}}},
+                       {{"kind", "mesh"}, {"file", "stone.ply"}, {"translation_m", {5, 0, 0}}}};
   const ClothScene scene = read(scene_with("obstacles", bodies)).make(0.1);
   ASSERT_EQ(scene.obstacles.size(), 5u);
   EXPECT_EQ(scene.obstacles[0].name, "plane 1");

@@ -117,8 +117,7 @@ void expect_resumed_alike(const SimulationSetup& setup, const SimulationOptions&
   ASSERT_FALSE(notes.checkpoints.empty());
   const SimulationCheckpoint checkpoint = parse_checkpoint(notes.checkpoints.back(), "test");
   later.first_frame = checkpoint.frames;
-  const SimulationSummary resumed =
-      simulate(setup, options, later, silent_progress(), &checkpoint);
+  const SimulationSummary resumed = simulate(setup, options, later, silent_progress(), &checkpoint);
   EXPECT_EQ(resumed.state.positions_m, whole.state.positions_m);
   EXPECT_EQ(resumed.rows.size(), whole.rows.size());
   EXPECT_EQ(resumed.frames, whole.frames);

@@ -242,9 +242,8 @@ StepReport ClothSystem::step_explicitly(ClothState& state, double step_s) {
   Step step;
   step.inertial = step.still = state.positions_m;
   energy_.begin_step(state.positions_m, state.memory, std::numeric_limits<double>::infinity());
-  step.friction =
-      FrictionStep(finder_.contacts(state.positions_m), state.positions_m, step_s, law_,
-                   state.friction);
+  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, step_s, law_,
+                               state.friction);
   Points gradient;
   derivatives(step, state.positions_m, gradient, nullptr);
   const double drag = 1.0 / (1.0 + step_s * scene_.fabric.mass_damping_1_s);

@@ -38,18 +38,20 @@ struct View {
   }
 };
 
+/// The cloth fills the picture, with room for what it lies on.
 View view_of(const Points& cloth_m) {
-  const Vector3d low = cloth_m.colwise().minCoeff(), high = cloth_m.colwise().maxCoeff();
   View view;
   view.rotation =
       (Eigen::AngleAxisd(0.55, Vector3d::UnitX()) * Eigen::AngleAxisd(-0.6, Vector3d::UnitY()))
           .toRotationMatrix();
-  view.centre = 0.5 * (low + high);
-  view.radius = std::max(1e-6, 0.5 * (high - low).norm());
+  const Points seen = cloth_m * view.rotation.transpose();
+  const Vector3d low = seen.colwise().minCoeff(), high = seen.colwise().maxCoeff();
+  view.centre = view.rotation.transpose() * (0.5 * (low + high));
+  view.radius = std::max(1e-6, 0.62 * (high - low).maxCoeff());
   return view;
 }
 
-/// White, with lines every 5 cm of the fabric; wide sheets get wider meshes.
+/// Lines every 5 cm of the fabric; of small and large sheets closer and wider ones.
 std::shared_ptr<const Image> line_texture(const Sheet& sheet, const Vector3f& colour) {
   constexpr int size = 2048;
   const Eigen::RowVector2d low = sheet.material_m.colwise().minCoeff();

@@ -7,7 +7,7 @@
 namespace semblance::cli {
 
 /// The sheet among its obstacles, from above and the side; its face is blue and its back light,
-/// with lines every 5 cm of the fabric.
+/// with lines every 5 cm of the fabric (of small sheets closer).
 Image draw_drape(const ClothScene& scene, const Points& positions_m, double time_s);
 
 /// The sheet in its own plane, u to the right and v up, every tension spring coloured by how much
