@@ -121,7 +121,10 @@ TEST(Curve, GoesOnByTangentsOrConstant) {
   EXPECT_EQ(flat.value(-3.0), flat.values().front());
 }
 
-TEST(Curve, NotANumberStaysOne) {
+TEST(Curve, WhatIsNotFiniteStaysSo) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(std::isfinite(random_curve(1).value(infinity)));
+  EXPECT_FALSE(std::isfinite(random_curve(1).value(-infinity)));
   EXPECT_TRUE(std::isnan(random_curve(1).value(std::numeric_limits<double>::quiet_NaN())));
 }
 

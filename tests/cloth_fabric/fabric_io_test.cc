@@ -172,9 +172,9 @@ TEST_F(FabricFiles, RecordedLoopsReadAsCurvesGiveTheSameFigures) {
   figures.shear = {1.2, 1.5, 3.0};
   figures.bending = {{{0.12, 0.05}, {0.08, 0.03}}};
   const Fabric fabric = fabric_from_figures(figures, "test");
-  write_loops(path("loops.csv"), "again", run_kes_tests(material_points(fabric), {400}));
+  write_loops(path("loops.csv"), "again,\"", run_kes_tests(material_points(fabric), {400}));
   const FabricRecord record = read_fabric_record(path("loops.csv"));
-  EXPECT_EQ(record.fabric.name, "again");
+  EXPECT_EQ(record.fabric.name, "again");  // what CSV cannot hold is left out
   const KesFigures again = figures_of(run_kes_tests(material_points(record.fabric)));
   const KesFigures first = figures_of(run_kes_tests(material_points(fabric)));
   for (const FigureComparison& comparison : compare_figures(first, again)) {
@@ -209,6 +209,8 @@ TEST_F(FabricFiles, CurveMessagesNameTheLineAndTheRemedy) {
   EXPECT_THAT(curves("tension_warp,reverse_loading,-8,%,-9,gf/cm\n"), HasSubstr("no reverse"));
   EXPECT_THAT(curves("\"shear\",loading,1,deg,2,gf/cm\n"), HasSubstr("quotes"));
   EXPECT_THAT(curves(std::string(5000, 'x')), HasSubstr("longer than"));
+  EXPECT_THAT(problem("a.csv", "name,caf\xe9\n"), HasSubstr("a.csv:1: is not UTF-8"));
+  EXPECT_THAT(problem("a.csv", "fabric,LT\ncaf\xc3\xa9,0.7\n"), HasSubstr("nothing"));
 }
 
 const std::string figures_columns = "fabric,source,EMT_pct,LT,B_gfcm2_cm_warp,B_gfcm2_cm_weft\n";

@@ -20,6 +20,19 @@ Grid random_values() {
   return Grid::NullaryExpr(6, 4, [&] { return value(random); });
 }
 
+TEST(ContourSlopes, OneCurveHasTheSlopesOfAColumn) {
+  const Grid values = random_values();
+  std::vector<double> column;
+  for (Index i = 0; i < 6; ++i) column.push_back(values(i, 1));
+  for (const SlopeRule rule : {SlopeRule::natural, SlopeRule::monotone, SlopeRule::akima}) {
+    const Eigen::ArrayXd slopes = curve_slopes(heights, column, rule);
+    const Grid expected = contour_slopes(heights, values, rule);
+    EXPECT_TRUE(slopes.cast<float>().isApprox(expected.col(1), 1e-6f)) << slope_rule_name(rule);
+  }
+  EXPECT_THROW(curve_slopes({0.0}, {1.0}, SlopeRule::monotone), InvalidInput);
+  EXPECT_THROW(curve_slopes({0.0, 1.0}, {1.0}, SlopeRule::monotone), InvalidInput);
+}
+
 TEST(ContourSlopes, NaturalSplineHasContinuousCurvatureAndNoneAtItsEnds) {
   const Grid values = random_values(), slopes = contour_slopes(heights, values, SlopeRule::natural);
   // Second derivatives of Hermite's cubic at both ends of a segment.

@@ -101,7 +101,9 @@ ClothState ClothSystem::start() {
 }
 
 double ClothSystem::weight_norm() const {
-  return masses_kg_.norm() * std::max(scene_.gravity_m_s2.norm(), 1e-9);
+  // Without gravity forces are compared with the weight on Earth.
+  const double gravity = scene_.gravity_m_s2.norm();
+  return masses_kg_.norm() * (gravity > 0.0 ? gravity : 9.80665);
 }
 
 double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradient,
@@ -189,6 +191,8 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
     direction = p.topRows<3>().transpose();
     const double slope = gradient.cwiseProduct(direction).sum();
     if (!(slope < 0.0)) return report;
+    // Near the minimum energies cannot tell better from worse.
+    const double rounding = 1e-13 * std::abs(current);
     double fraction = 1.0;
     {
       const Stopwatch watch(timing_.contact_s);
@@ -201,7 +205,7 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
         finder_.update(trial);
       }
       const double next = value(step, trial);
-      if (next <= current + 1e-4 * fraction * slope) break;
+      if (next <= current + 1e-4 * fraction * slope + rounding) break;
       fraction *= 0.5;
       if (fraction < 1e-6) {
         finder_.update(x);

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
 #include "semblance/core/errors.h"
 
 namespace semblance {
@@ -11,6 +14,17 @@ std::string_view trimmed(std::string_view field) {
   const std::size_t first = field.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};
   return field.substr(first, field.find_last_not_of(" \t") - first + 1);
+}
+
+bool is_utf8(std::string_view line) {
+  const auto plain = [](char c) { return static_cast<unsigned char>(c) < 0x80; };
+  if (std::all_of(line.begin(), line.end(), plain)) return true;
+  try {
+    nlohmann::json(std::string(line)).dump();
+    return true;
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
 }
 
 }  // namespace
@@ -32,6 +46,7 @@ bool CsvRows::next(std::vector<std::string_view>& fields) {
     if (line.empty() || line[0] == '#') continue;
     if (line.size() > longest_line) fail(fmt::format("longer than {} bytes", longest_line));
     if (++rows_ > most_rows) fail(fmt::format("more than {} rows", most_rows));
+    if (!is_utf8(line)) fail("is not UTF-8; save the file in that encoding");
     if (line.find('"') != std::string_view::npos) {
       fail("quotes are not read; write names without commas and quotes");
     }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "semblance/core/errors.h"
 #include "semblance/geometry/contour_slopes.h"
@@ -51,6 +52,7 @@ void Curve::make_pieces() {
   }
   const double end = tangents ? slopes[static_cast<Eigen::Index>(last)] : 0.0;
   pieces_.push_back({x_[last], {values_[last], end, 0.0, 0.0}});
+  pieces_.push_back({std::numeric_limits<double>::quiet_NaN()});
 }
 
 void Curve::integrate_pieces() {
@@ -60,20 +62,24 @@ void Curve::integrate_pieces() {
   };
   pieces_[0].integral = -integral(pieces_[0], -x_[0]);
   pieces_[1].integral = pieces_[0].integral;
-  for (std::size_t i = 2; i < pieces_.size(); ++i) {
+  for (std::size_t i = 2; i + 1 < pieces_.size(); ++i) {
     const Piece& before = pieces_[i - 1];
     pieces_[i].integral = before.integral + integral(before, pieces_[i].start - before.start);
   }
 }
 
 void Curve::fill_table() {
-  const std::size_t cells = 2 * (x_.size() - 1);
-  cells_per_x_ = static_cast<double>(cells) / (x_.back() - x_.front());
-  std::size_t piece = 1;
-  for (std::size_t cell = 0; cell < cells; ++cell) {
+  const std::size_t cells = 4 * (x_.size() - 1);
+  first_ = x_.front();
+  cells_per_x_ = static_cast<double>(cells) / (x_.back() - first_);
+  last_cell_ = static_cast<double>(cells + 1);
+  // Before the first cell lies one for all before the first point, and behind the last one
+  // likewise.
+  std::uint32_t piece = 0;
+  for (std::size_t cell = 0; cell < cells + 2; ++cell) {
     // A little early: rounding may put a place just below a point into the cell that begins there.
-    const double start = x_.front() + (static_cast<double>(cell) - 1e-6) / cells_per_x_;
-    while (piece + 2 < pieces_.size() && start >= pieces_[piece + 1].start) ++piece;
+    const double start = first_ + (static_cast<double>(cell) - 1.0 - 1e-6) / cells_per_x_;
+    while (start >= pieces_[piece + 1].start) ++piece;
     table_.push_back(piece);
   }
 }

@@ -199,9 +199,11 @@ class CurvesParser {
     response.elastic = mean_curve(response.elastic, reverse.elastic);
     response.friction = mean_curve(response.friction, reverse.friction);
     response.reversal = 0.5 * (response.reversal + reverse.reversal);
-    for (const LoopSample& sample : loop_of(other.measured, mode)) {
-      loop_of(parts_.measured, mode).push_back({-sample.deformation, -sample.force});
-    }
+    append_mirrored(loop_of(parts_.measured, mode), loop_of(other.measured, mode));
+  }
+
+  static void append_mirrored(Loop& loop, const Loop& reverse) {
+    for (const LoopSample& sample : reverse) loop.push_back({-sample.deformation, -sample.force});
   }
 
   CsvRows rows_;
@@ -237,6 +239,14 @@ std::string loop_rows(std::size_t mode, const Loop& loop) {
   return text;
 }
 
+/// Without what would end the field.
+std::string plain_name(std::string name) {
+  for (char& c : name) {
+    if (c == ',' || c == '"' || (c >= 0 && c < ' ')) c = ' ';
+  }
+  return name;
+}
+
 }  // namespace
 
 FabricRecord parse_fabric_curves(std::string_view content, const std::string& source) {
@@ -245,7 +255,7 @@ FabricRecord parse_fabric_curves(std::string_view content, const std::string& so
 
 void write_loops(const std::string& path, const std::string& name, const KesLoops& loops) {
   AtomicFile file(path);
-  if (!name.empty()) file.stream() << "name," << name << '\n';
+  if (!name.empty()) file.stream() << "name," << plain_name(name) << '\n';
   file.stream() << "mode,branch,deformation,deformation_unit,force,force_unit\n";
   for (std::size_t mode = 0; mode < mode_count; ++mode) {
     file.stream() << loop_rows(mode, loop_of(loops, mode));

@@ -28,10 +28,23 @@ class FiguresParser {
     record.fabric = fabric_from_figures(*chosen_, place_);
     record.fabric.assumptions.insert(record.fabric.assumptions.begin(), inferred_.begin(),
                                      inferred_.end());
+    record.loops = given_loops(record.fabric, record.given);
     return record;
   }
 
  private:
+  /// Steady loops of the modes that have their main figure.
+  static KesLoops given_loops(const Fabric& fabric, const KesFigures& given) {
+    KesLoops loops = steady_loops(fabric);
+    for (const std::size_t d : {warp, weft}) {
+      const bool pulled = given.tension[d].emt_pct || given.tension[d].wt_gf_cm_cm2;
+      if (!pulled) loops.tension[d].clear();
+      if (!given.bending[d].b_gf_cm2_cm) loops.bending[d].clear();
+    }
+    if (!given.shear.g_gf_cm_deg) loops.shear.clear();
+    return loops;
+  }
+
   static std::vector<std::string> known_columns() {
     std::vector<std::string> known{"fabric", "source"};
     const KesFigures none;

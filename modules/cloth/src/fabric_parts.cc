@@ -45,6 +45,17 @@ Curve curve_through(const Loop& loop, const std::string& source) {
   }
 }
 
+/// Few readings of tension are joined by curves, as in its response: chords would do too much work.
+void append_curve(Loop& loop, const Curve& curve, bool falling) {
+  constexpr int steps = 200;
+  const double from = falling ? curve.last() : curve.first();
+  const double to = falling ? curve.first() : curve.last();
+  for (int i = 0; i <= steps; ++i) {
+    const double x = from + (to - from) * i / steps;
+    loop.push_back({x, curve.value(x)});
+  }
+}
+
 /// A cloth that was pulled is slack before it is back at its length.
 void close_slack(Loop& unloading) {
   if (!unloading.empty() && unloading.front().deformation > 0.0) {
@@ -99,16 +110,16 @@ ModeResponse mode_or_assumed(FabricParts& parts, std::size_t mode, Fabric& typic
   return mode_of(typical, mode);
 }
 
-/// The figures of what was given: measured points first, else the curves.
-KesFigures given_figures(const FabricParts& parts, const Fabric& fabric) {
+/// The loops of what was given: through measured points first, else the curves.
+KesLoops given_loops(const FabricParts& parts, const Fabric& fabric) {
   KesLoops loops = steady_loops(fabric);
   for (std::size_t mode = 0; mode < mode_count; ++mode) {
     if (!parts.modes[mode]) loop_of(loops, mode).clear();
-    if (!loop_of(parts.measured, mode).empty()) {
-      loop_of(loops, mode) = loop_of(parts.measured, mode);
-    }
+    if (loop_of(parts.measured, mode).empty()) continue;
+    const Loop& smooth = loop_of(parts.smooth, mode);
+    loop_of(loops, mode) = smooth.empty() ? loop_of(parts.measured, mode) : smooth;
   }
-  return figures_of(loops);
+  return loops;
 }
 
 }  // namespace
@@ -138,16 +149,20 @@ void add_measured_mode(FabricParts& parts, std::size_t mode, const ModePoints& p
   loop.insert(loop.end(), unloading.rbegin(), unloading.rend());
   const std::string where = fmt::format("{}: {}", source, mode_names[mode].key);
   const Curve up = curve_through(loading, where + ": loading");
+  const bool pulls = mode_names[mode].kind == ModeKind::tension;
+  Loop& smooth = loop_of(parts.smooth, mode);
+  if (pulls) append_curve(smooth, up, false);
   if (unloading.empty()) {
     parts.assumptions.push_back(
         fmt::format("{}: no unloading given: no friction", mode_names[mode].key));
     parts.modes[mode] = response_from_loop(up, up, Turns::closing, reversal, where);
     return;
   }
-  const bool pulls = mode_names[mode].kind == ModeKind::tension;
   if (pulls) close_slack(unloading);
-  parts.modes[mode] = response_from_loop(up, curve_through(unloading, where + ": unloading"),
-                                         pulls ? Turns::closing : Turns::sliding, reversal, where);
+  const Curve down = curve_through(unloading, where + ": unloading");
+  if (pulls) append_curve(smooth, down, true);
+  parts.modes[mode] =
+      response_from_loop(up, down, pulls ? Turns::closing : Turns::sliding, reversal, where);
 }
 
 FabricRecord assemble_fabric(FabricParts parts, const std::string& source) {
@@ -165,9 +180,10 @@ FabricRecord assemble_fabric(FabricParts parts, const std::string& source) {
   if (parts.assumes_viscosity) fabric.assumptions.push_back(viscosity_assumption());
   if (parts.assumes_reversal) fabric.assumptions.push_back(reversal_assumption());
   validate(fabric, source);
-  KesFigures given = given_figures(parts, fabric);
-  given.name = fabric.name;
-  return {std::move(fabric), std::move(given), std::move(parts.measured)};
+  FabricRecord record{fabric, {}, parts.measured, given_loops(parts, fabric)};
+  record.given = figures_of(record.loops);
+  record.given.name = fabric.name;
+  return record;
 }
 
 }  // namespace semblance

@@ -49,7 +49,7 @@ struct FabricParts {
   std::optional<double> area_density_kg_m2, thickness_m, friction, mass_damping_1_s;
   std::array<std::optional<ModeResponse>, mode_count> modes;
   std::vector<std::string> assumptions;
-  KesLoops measured;
+  KesLoops measured, smooth;  // the readings, and curves through those of tension
   bool assumes_viscosity = false, assumes_reversal = false;
 };
 

@@ -18,10 +18,17 @@ namespace {
 
 constexpr int lanes = 8;
 constexpr int colours = 3;
+constexpr int chunk_slots = 1024;
 // Aligned as every allocation is: the stack of code for older processors keeps no more.
 using Lane = double __attribute__((vector_size(8 * lanes), aligned(16)));
-using LaneVector = std::array<Lane, 3>;
-using Block = std::array<Lane, 9>;  // by columns
+template <int count>
+struct Lanes {
+  Lane lane[count];
+  Lane& operator[](int k) { return lane[k]; }
+  const Lane& operator[](int k) const { return lane[k]; }
+};
+using LaneVector = Lanes<3>;
+using Block = Lanes<9>;  // by columns
 
 /// c -= a b'.
 [[gnu::always_inline]] inline void subtract_outer(const Block& a, const Block& b, Block& c) {
@@ -75,45 +82,43 @@ struct Factor {
   Block inverse_pivot, one_back, two_back;  // D^-1 and L's blocks in one row
 };
 
-/// Lines side by side: for each place and lane the vertex, or -1 in an idle lane.
-struct Pack {
-  const int* vertex;
-  int length;
-  const Factor* rows;
+/// A vertex, and where its first coordinate is among the lanes; the others follow `lanes` apart.
+struct Slot {
+  int vertex;
+  int target;
 };
 
-/// z += (lines' own matrix)^-1 (r - A z) on the lines of a pack.
-SEMBLANCE_WIDE void correct_pack(const BlockMatrix& a, const Pack& pack, const double* r, double* z,
-                                 LaneVector* y) {
+/// What the vertices of some slots still miss, into the lanes. In the order of vertices, so that
+/// the matrix streams.
+SEMBLANCE_WIDE void gather_residuals(const BlockMatrix& a, const Slot* slots, int count,
+                                     const double* r, const double* z, double* y) {
   const int* begin = a.pattern->begin.data();
   const int* column = a.pattern->column.data();
-  const Factor* rows = pack.rows;
-  for (int i = 0; i < pack.length; ++i) {
-    double residual[3][lanes] = {};
-    for (int lane = 0; lane < lanes; ++lane) {
-      const int v = pack.vertex[i * lanes + lane];
-      if (v < 0) continue;
-      const Double4 d =
-          load4(r + 4 * static_cast<std::ptrdiff_t>(v)) - row_product(a, begin, column, z, v);
-      for (int c = 0; c < 3; ++c) residual[c][lane] = d[c];
-    }
-    __builtin_memcpy(&y[i], residual, sizeof(residual));
+  for (int k = 0; k < count; ++k) {
+    // Every third row of the matrix: the processor does not guess that.
+    const int ahead = slots[std::min(k + 3, count - 1)].vertex;
+    const char* next = reinterpret_cast<const char*>(a.blocks[begin[ahead]].data());
+    const char* end = reinterpret_cast<const char*>(a.blocks[begin[ahead + 1] - 1].data());
+    for (; next < end; next += 64) __builtin_prefetch(next);
+    const int v = slots[k].vertex;
+    const Double4 d =
+        load4(r + 4 * static_cast<std::ptrdiff_t>(v)) - row_product(a, begin, column, z, v);
+    for (int c = 0; c < 3; ++c) y[slots[k].target + c * lanes] = d[c];
+  }
+}
+
+/// Solves along lines side by side, in place.
+SEMBLANCE_WIDE void solve_lines(const Factor* rows, int length, LaneVector* y) {
+  for (int i = 0; i < length; ++i) {
     if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
     if (i > 1) subtract_product(rows[i].two_back, y[i - 2], y[i]);
   }
-  for (int i = pack.length - 1; i >= 0; --i) {
+  for (int i = length - 1; i >= 0; --i) {
     LaneVector scaled{};
     subtract_product(rows[i].inverse_pivot, y[i], scaled);
     for (int c = 0; c < 3; ++c) y[i][c] = -scaled[c];
-    if (i + 1 < pack.length) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
-    if (i + 2 < pack.length) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
-  }
-  for (int i = 0; i < pack.length; ++i) {
-    for (int lane = 0; lane < lanes; ++lane) {
-      const int v = pack.vertex[i * lanes + lane];
-      if (v < 0) continue;
-      for (int c = 0; c < 3; ++c) z[4 * static_cast<std::ptrdiff_t>(v) + c] += y[i][c][lane];
-    }
+    if (i + 1 < length) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
+    if (i + 2 < length) subtract_transposed(rows[i + 2].two_back, y[i + 2], y[i]);
   }
 }
 
@@ -142,26 +147,14 @@ class LineSolver {
         along_warp_(along_warp),
         length_(along_warp ? grid.columns : grid.rows),
         count_(along_warp ? grid.rows : grid.columns) {
-    const int packs = colours * packs_per_colour();
-    factors_.resize(static_cast<std::size_t>(packs) * length_);
-    vertices_.resize(factors_.size() * lanes);
-    work_.resize(packs);
-    for (int pack = 0; pack < packs; ++pack) {
-      work_[pack].resize(length_);
-      for (int i = 0; i < length_; ++i) {
-        for (int lane = 0; lane < lanes; ++lane) {
-          const int at = line(pack, lane);
-          vertices_[(static_cast<std::size_t>(pack) * length_ + i) * lanes + lane] =
-              at < 0 ? -1 : vertex(at, i);
-        }
-      }
-    }
+    factors_.resize(static_cast<std::size_t>(colours) * packs_per_colour() * length_);
+    lanes_.resize(static_cast<std::size_t>(packs_per_colour()) * length_);
   }
 
   void prepare(const BlockMatrix& matrix) {
     if (place_.empty()) {
       find_places(matrix);
-      leave_out_fixed(matrix);
+      find_slots(matrix);
     }
     matrix_ = &matrix;
     parallel_for(colours * packs_per_colour(),
@@ -170,18 +163,31 @@ class LineSolver {
 
   /// Adds to z what the lines of a colour need to meet r, with all others held.
   void correct(int colour, const BlockVector& r, BlockVector& z) {
-    const auto correct_one = [&](std::size_t k) {
+    const std::vector<Slot>& slots = slots_[colour];
+    double* y = reinterpret_cast<double*>(lanes_.data());
+    const int count = static_cast<int>(slots.size()),
+              chunks = (count + chunk_slots - 1) / chunk_slots;
+    parallel_for(chunks, [&](std::size_t c) {
+      const int first = static_cast<int>(c) * chunk_slots;
+      gather_residuals(*matrix_, slots.data() + first, std::min(chunk_slots, count - first),
+                       r.data(), z.data(), y);
+    });
+    const auto solve = [&](std::size_t k) {
       const std::size_t pack = colour * packs_per_colour() + k;
-      const std::size_t first = pack * length_;
-      correct_pack(*matrix_, {vertices_.data() + first * lanes, length_, factors_.data() + first},
-                   r.data(), z.data(), work_[pack].data());
+      solve_lines(factors_.data() + pack * length_, length_, lanes_.data() + k * length_);
     };
-    // Below this waking other threads takes longer than the work.
-    if (length_ * lines_per_colour() < 1000) {
-      for (int k = 0; k < packs_per_colour(); ++k) correct_one(k);
+    // Below one chunk waking other threads takes longer than the work.
+    if (chunks == 1) {
+      for (int k = 0; k < packs_per_colour(); ++k) solve(k);
     } else {
-      parallel_for(packs_per_colour(), correct_one);
+      parallel_for(packs_per_colour(), solve);
     }
+    parallel_for(chunks, [&](std::size_t c) {
+      const int end = std::min(count, (static_cast<int>(c) + 1) * chunk_slots);
+      for (int k = static_cast<int>(c) * chunk_slots; k < end; ++k) {
+        for (int i = 0; i < 3; ++i) z(i, slots[k].vertex) += y[slots[k].target + i * lanes];
+      }
+    });
   }
 
  private:
@@ -216,9 +222,20 @@ class LineSolver {
     }
   }
 
-  void leave_out_fixed(const BlockMatrix& matrix) {
-    for (int& v : vertices_) {
-      if (v >= 0 && !matrix.fixed.empty() && matrix.fixed[v]) v = -1;
+  void find_slots(const BlockMatrix& matrix) {
+    for (int pack = 0; pack < colours * packs_per_colour(); ++pack) {
+      for (int i = 0; i < length_; ++i) {
+        for (int lane = 0; lane < lanes; ++lane) {
+          const int at = line(pack, lane);
+          if (at < 0 || (!matrix.fixed.empty() && matrix.fixed[vertex(at, i)])) continue;
+          const int place = pack % packs_per_colour() * length_ + i;
+          slots_[pack / packs_per_colour()].push_back({vertex(at, i), 3 * lanes * place + lane});
+        }
+      }
+    }
+    for (std::vector<Slot>& slots : slots_) {
+      std::sort(slots.begin(), slots.end(),
+                [](const Slot& a, const Slot& b) { return a.vertex < b.vertex; });
     }
   }
 
@@ -260,9 +277,9 @@ class LineSolver {
   int length_, count_;
   const BlockMatrix* matrix_ = nullptr;
   std::vector<std::array<int, 2>> place_;
-  std::vector<int> vertices_;
   std::vector<Factor> factors_;
-  std::vector<std::vector<LaneVector>> work_;
+  std::array<std::vector<Slot>, colours> slots_;
+  std::vector<LaneVector> lanes_;  // of one colour; zero in idle lanes
 };
 
 /// Warp lines forwards, weft lines there and back, warp lines backwards: symmetric, and positive

@@ -61,12 +61,18 @@ LawPoint tension_response(const Curve& elastic, CompressionLaw law, double buckl
                           double strain) {
   if (strain >= 0.0 || law == CompressionLaw::as_tension) return odd_response(elastic, strain);
   if (law == CompressionLaw::none) return {};
-  const double slope = elastic.evaluate(0.0).slope;
+  // A curve that starts level still gets a start in compression.
+  const double secant = elastic.value(elastic.last()) / elastic.last();
+  const double slope = std::max(elastic.evaluate(0.0).slope, 0.01 * secant);
   const double rest = buckled_stiffness_fraction * slope;
+  LawPoint out{0.5 * rest * strain * strain, rest * strain, rest};
+  if (buckling_load_n_m <= 0.0 || slope <= 0.0) return out;
   const double knee = buckling_load_n_m / (slope - rest);
   const double e = std::exp(strain / knee);
-  return {buckling_load_n_m * (knee * (e - 1.0) - strain) + 0.5 * rest * strain * strain,
-          buckling_load_n_m * (e - 1.0) + rest * strain, buckling_load_n_m / knee * e + rest};
+  out.energy += buckling_load_n_m * (knee * (e - 1.0) - strain);
+  out.force += buckling_load_n_m * (e - 1.0);
+  out.stiffness += buckling_load_n_m / knee * e;
+  return out;
 }
 
 LawPoint interlaced_response(double bending_n_m, double stretch_n_m, double length_m, double y) {

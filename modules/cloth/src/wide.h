@@ -5,7 +5,7 @@
 
 // A function marked so exists for newer instruction sets too; the loader takes the best one.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define SEMBLANCE_WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#define SEMBLANCE_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define SEMBLANCE_WIDE
 #endif

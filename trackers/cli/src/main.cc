@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
   cli::add_demo_command(app, context);
   cli::add_compare_command(app, context);
   cli::add_simulate_command(app, context);
+  cli::add_fabric_commands(app, context);
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

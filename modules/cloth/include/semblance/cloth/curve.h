@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace semblance {
@@ -72,22 +73,23 @@ class Curve {
   void make_pieces();
   void integrate_pieces();
   void fill_table();
-  /// Piece 0 lies before the first point, the last piece behind the last one.
+  /// Piece 0 lies before the first point; behind the last piece is one that begins nowhere (NaN).
   std::size_t piece_at(double x) const {
-    if (!(x >= x_.front())) return 0;
-    const double cell = (x - x_.front()) * cells_per_x_;
-    if (!(cell < static_cast<double>(table_.size()))) return pieces_.size() - 1;
-    // The table gives the piece in which the cell begins; only a few more can begin inside it.
-    std::size_t piece = table_[static_cast<std::size_t>(cell)];
-    while (piece + 1 < pieces_.size() && x >= pieces_[piece + 1].start) ++piece;
+    // Not a number gives the first cell, by the order of max's arguments.
+    const double cell = std::max(0.0, (x - first_) * cells_per_x_ + 1.0);
+    std::size_t piece = table_[static_cast<std::size_t>(std::min(cell, last_cell_))];
+    // The table gives the piece in which the cell begins; seldom does more than one begin inside
+    // it.
+    piece += x >= pieces_[piece + 1].start ? 1 : 0;
+    while (x >= pieces_[piece + 1].start) ++piece;
     return piece;
   }
 
   std::vector<double> x_, values_;
   Beyond beyond_ = Beyond::linear;
   std::vector<Piece> pieces_;
-  std::vector<std::size_t> table_;
-  double cells_per_x_ = 0.0;
+  std::vector<std::uint32_t> table_;
+  double first_ = 0.0, cells_per_x_ = 0.0, last_cell_ = 0.0;
 };
 
 /// Places of both curves in increasing order, each once; those that differ by rounding count as

@@ -12,8 +12,11 @@ namespace semblance {
 /// A fabric and what is known of its tests.
 struct FabricRecord {
   Fabric fabric;
-  KesFigures given;   ///< as the file has them, or read off the curves it has
+  KesFigures given;   ///< as the file has them, or read off `loops`
   KesLoops measured;  ///< the file's loading and unloading points
+  /// Those, joined by curves in tension, and steady loops of what is given otherwise; empty for
+  /// modes that were assumed.
+  KesLoops loops;
 };
 
 /// Reads .json or .csv. A CSV of figures holds many fabrics: `name` chooses one, or the path does
