@@ -11,6 +11,7 @@
 namespace semblance::testing {
 namespace {
 
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::ThrowsMessage;
@@ -58,7 +59,8 @@ TEST(Simulation, AStripComesToRestByEveryMethod) {
                             SimulationMethod::coarse_to_fine}) {
     Notes notes;
     const SimulationSummary summary =
-        simulate(setup, some_options(method, 0.005), notes, silent_progress());
+        simulate(setup, some_options(method, method == SimulationMethod::dynamic ? 0.01 : 0.005),
+                 notes, silent_progress());
     EXPECT_TRUE(summary.at_rest);
     EXPECT_LT(summary.residual, 1e-3);
     EXPECT_GT(summary.residual_n, 0.0);
@@ -188,17 +190,20 @@ TEST(Simulation, RefusesOptionsThatDoNotFit) {
 
 /// A step of half a second is shortened until the strain behaves.
 TEST(Simulation, StepsThatAreTooLongAreHalved) {
-  const SimulationSetup setup = preset_setup("pinned-box", plausible_fabric());
+  const SimulationSetup setup = preset_setup("pinned", plausible_fabric());
   SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
-  options.until_s = 0.6;
+  options.until_s = 0.5;
   options.frames_per_second = 2.0;
   options.longest_step_s = 0.5;
   options.strain_limit = 1e-3;
   Notes notes;
   const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
   EXPECT_GT(summary.rejected_steps, 0);
-  EXPECT_LT(summary.shortest_step_s, 0.5);
-  EXPECT_EQ(summary.penetrations, 0);
+  EXPECT_LT(summary.shortest_step_s, 0.1);
+  EXPECT_THAT(notes.warnings, Contains(HasSubstr("are too long here")));
+  for (std::size_t k = 1; k < summary.rows.size(); ++k) {
+    EXPECT_LE(summary.rows[k].elongation, summary.rows[k - 1].elongation + 1e-3);
+  }
 }
 
 /// A ball that rises under a pinned sheet carries it.
@@ -206,6 +211,7 @@ TEST(Simulation, MovingBodiesPushTheSheet) {
   SimulationSetup setup = preset_setup("pinned", plausible_fabric());
   setup.make = [make = setup.make](double spacing_m) {
     ClothScene scene = make(spacing_m);
+    scene.self_contact = false;
     Obstacle ball = make_sphere("ball", 0.1);
     ball.world_from_body = [](double time_s) {
       Rigid3 place;
@@ -215,14 +221,14 @@ TEST(Simulation, MovingBodiesPushTheSheet) {
     scene.obstacles = {ball};
     return scene;
   };
-  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.2);
   Notes notes;
   EXPECT_THAT([&] { simulate(setup, options, notes, silent_progress()); },
               ThrowsMessage<InvalidInput>(HasSubstr("a body moves")));
-  options.until_s = 0.1;
+  options.until_s = 0.08;
   const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
   EXPECT_EQ(summary.penetrations, 0);
-  EXPECT_GT(summary.state.positions_m.col(1).maxCoeff(), 0.02);
+  EXPECT_GT(summary.state.positions_m.col(1).maxCoeff(), 0.015);
 }
 
 }  // namespace
