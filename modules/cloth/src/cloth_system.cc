@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -80,6 +81,7 @@ ClothSystem::ClothSystem(ClothScene scene, const StepOptions& options)
       assembly_(energy_.deformation(), static_cast<int>(scene_.sheet.vertex_count()), fixed_),
       finder_(make_finder(scene_)),
       solver_(make_linear_solver(options.linear_solver, scene_.sheet)) {
+  moving_ = std::any_of(scene_.obstacles.begin(), scene_.obstacles.end(), is_moving);
   law_.friction = scene_.fabric.friction;
   law_.barrier_pa = barrier_per_weight * scene_.fabric.area_density_kg_m2 *
                     std::max(scene_.gravity_m_s2.norm(), 1.0);
@@ -214,8 +216,64 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
   }
 }
 
+/// Bodies go as far as the gaps allow and push the cloth out of their way, again and again, until
+/// they are where the step ends.
+StepReport ClothSystem::solve_among_moving(Step& step, double end_s, Points& x) {
+  constexpr int most_moves = 200;
+  const Points still = Points::Zero(x.rows(), 3);
+  StepReport sum;
+  for (int move = 0; move < most_moves; ++move) {
+    double fraction = 0.0;
+    {
+      const Stopwatch watch(timing_.contact_s);
+      fraction = finder_.max_step_until(x, still, end_s);
+      finder_.move_obstacles(end_s, fraction);
+      finder_.update(x);
+    }
+    const StepReport report = solve(step, x);
+    sum.newton_iterations += report.newton_iterations;
+    sum.linear_iterations += report.linear_iterations;
+    sum.residual = report.residual;
+    sum.solved = report.solved && fraction == 1.0;
+    if (!report.solved || fraction == 1.0) break;
+  }
+  return sum;
+}
+
+/// Forces at the start, where friction of the last step still holds, and viscosity, which knows no
+/// rate there, is zero. Not solved where the way is not clear.
+StepReport ClothSystem::step_explicitly(ClothState& state, double step_s) {
+  Step step;
+  step.inertial = step.still = state.positions_m;
+  energy_.begin_step(state.positions_m, state.memory, std::numeric_limits<double>::infinity());
+  step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, step_s, law_,
+                               state.friction);
+  Points gradient;
+  derivatives(step, state.positions_m, gradient, nullptr);
+  const double drag = 1.0 / (1.0 + step_s * scene_.fabric.mass_damping_1_s);
+  for (Eigen::Index v = 0; v < gradient.rows(); ++v) {
+    state.velocities_m_s.row(v) =
+        drag * (state.velocities_m_s.row(v) - step_s / masses_kg_[v] * gradient.row(v));
+  }
+  const Points displacement = step_s * state.velocities_m_s;
+  StepReport report;
+  report.residual = gradient.norm() / weight_norm();
+  if (!displacement.allFinite()) return report;
+  const Stopwatch watch(timing_.contact_s);
+  const double end_s = state.time_s + step_s;
+  report.solved = finder_.max_step_until(state.positions_m, displacement, end_s) == 1.0;
+  if (!report.solved) return report;
+  state.positions_m += displacement;
+  finder_.update(state.positions_m, end_s);
+  energy_.end_step(state.positions_m, state.memory);
+  state.friction = step.friction.memory(state.positions_m);
+  state.time_s += step_s;
+  return report;
+}
+
 StepReport ClothSystem::step(ClothState& state, double step_s) {
   const Stopwatch watch(timing_.total_s);
+  if (options_.scheme == TimeScheme::explicit_euler) return step_explicitly(state, step_s);
   Step step;
   step.step_s = step_s;
   const bool still = options_.scheme == TimeScheme::quasistatic;
@@ -240,7 +298,8 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, loss_step_s,
                                law_, state.friction);
   Points x = state.positions_m;
-  const StepReport report = solve(step, x);
+  const StepReport report =
+      moving_ ? solve_among_moving(step, state.time_s + step_s, x) : solve(step, x);
   state.previous_positions_m = std::move(state.positions_m);
   state.previous_velocities_m_s = state.velocities_m_s;
   state.previous_step_s = step_s;
@@ -261,6 +320,16 @@ double ClothSystem::rest_residual(const ClothState& state) {
   Points gradient;
   derivatives(step, state.positions_m, gradient, nullptr);
   return gradient.norm() / weight_norm();
+}
+
+ClothEnergies ClothSystem::energies(const ClothState& state) {
+  ClothEnergies out;
+  energy_.begin_elastic();
+  out.elastic_j = energy_.energy(state.positions_m);
+  out.contact_j = add_barriers(finder_.contacts(state.positions_m), law_, nullptr, nullptr);
+  out.kinetic_j = 0.5 * masses_kg_.dot(state.velocities_m_s.rowwise().squaredNorm());
+  out.gravity_j = -masses_kg_.dot(state.positions_m * scene_.gravity_m_s2);
+  return out;
 }
 
 }  // namespace semblance

@@ -279,6 +279,20 @@ Obstacle solid_obstacle(const std::string& name, std::shared_ptr<const Solid> so
 
 }  // namespace
 
+bool is_moving(const Obstacle& obstacle) {
+  if (obstacle.vertices) return true;
+  if (!obstacle.world_from_body) return false;
+  const Rigid3 start = obstacle.world_from_body(0.0);
+  for (int k = 1; k <= 5000; ++k) {
+    const Rigid3 place = obstacle.world_from_body(0.02 * k);
+    if (place.translation_m != start.translation_m ||
+        place.rotation.coeffs() != start.rotation.coeffs()) {
+      return true;
+    }
+  }
+  return false;
+}
+
 Obstacle make_plane(const std::string& name, const Vector3d& point_m, const Vector3d& normal) {
   if (!(normal.norm() > 0.0 && normal.allFinite() && point_m.allFinite()))
     throw InvalidInput(name + ": a plane needs a finite point and a normal that is not zero");

@@ -12,6 +12,10 @@ RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& opt
                   Progress& progress) {
   RestReport report;
   double step_s = options.first_step_s;
+  if (options.pace) {
+    step_s = options.pace->step_s;
+    system.options().tolerance = options.pace->tolerance;
+  }
   progress.begin("rest", 0);
   while (report.steps < options.most_steps && !progress.cancelled()) {
     const StepReport step = system.step(state, step_s);
@@ -19,16 +23,15 @@ RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& opt
     report.newton_iterations += step.newton_iterations;
     report.linear_iterations += step.linear_iterations;
     report.residual = system.rest_residual(state);
-    if (report.residual <= options.tolerance) {
-      report.at_rest = true;
-      break;
-    }
+    report.at_rest = report.residual <= options.tolerance;
     if (step.solved) {
       step_s = std::min(2.0 * step_s, options.longest_step_s);
     } else if (step.residual > 1.0) {
       step_s = std::max(0.5 * step_s, options.first_step_s);
     }
     system.options().tolerance = std::clamp(0.1 * report.residual, 0.5 * options.tolerance, 0.01);
+    if (options.after_step) options.after_step(state, report, {step_s, system.options().tolerance});
+    if (report.at_rest) break;
   }
   progress.end();
   return report;

@@ -24,6 +24,7 @@ void add_synth_commands(CLI::App& app, Context& context);
 void add_calibrate_commands(CLI::App& app, Context& context);
 void add_demo_command(CLI::App& app, Context& context);
 void add_compare_command(CLI::App& app, Context& context);
+void add_simulate_command(CLI::App& app, Context& context);
 void add_fabric_commands(CLI::App& app, Context& context);
 void add_calibrate_convert_command(CLI::App& calibrate, Context& context);
 void add_calibrate_board_command(CLI::App& calibrate, Context& context);

@@ -60,6 +60,7 @@ int main(int argc, char** argv) {
   cli::add_calibrate_commands(app, context);
   cli::add_demo_command(app, context);
   cli::add_compare_command(app, context);
+  cli::add_simulate_command(app, context);
   cli::add_fabric_commands(app, context);
   try {
     app.parse(argc, argv);

@@ -37,7 +37,7 @@ struct ClothState {
 };
 
 enum class TimeScheme {
-  explicit_euler,  // symplectic: velocities first; steps below the stability limit
+  explicit_euler,  // symplectic: velocities first; steps below the stability limit; no viscosity
   implicit_euler,
   bdf2,         // variable steps; its first step is implicit Euler's
   quasistatic,  // implicit Euler from standstill: no step keeps a velocity
@@ -68,6 +68,12 @@ struct ClothTiming {
   double total_s = 0.0, contact_s = 0.0, energy_s = 0.0, assembly_s = 0.0, linear_s = 0.0;
 };
 
+/// Energies of a state in joule. Elastic is what the sheet would give back: without the work that
+/// friction and viscosity took.
+struct ClothEnergies {
+  double kinetic_j = 0.0, elastic_j = 0.0, gravity_j = 0.0, contact_j = 0.0;
+};
+
 /// Steps a ClothState. Every implicit step minimises its incremental potential by Newton's method
 /// with line search; see cloth_system.cc.
 class ClothSystem {
@@ -89,18 +95,23 @@ class ClothSystem {
   /// Forces that are not balanced at rest, over the weight (root sums of squares), with the
   /// friction that the state remembers.
   double rest_residual(const ClothState& state);
+  /// What residuals are relative to: the root sum of squares of the vertices' weights, N.
+  double weight_norm() const;
+  ClothEnergies energies(const ClothState& state);
 
  private:
   struct Step;
+  StepReport step_explicitly(ClothState& state, double step_s);
   StepReport solve(Step& step, Points& x);
+  StepReport solve_among_moving(Step& step, double end_s, Points& x);
   double value(const Step& step, const Points& x);
   double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
-  double weight_norm() const;
 
   ClothScene scene_;
   StepOptions options_;
   Eigen::VectorXd masses_kg_;
   std::vector<bool> fixed_;
+  bool moving_ = false;  // any obstacle
   SheetEnergy energy_;
   Assembly assembly_;
   ContactFinder finder_;

@@ -55,6 +55,9 @@ struct Obstacle {
   VertexMotion vertices;                // of a mesh: takes precedence over world_from_body
 };
 
+/// Whether it is ever elsewhere than at 0 s: looked for every 20 ms of the first 100 s.
+bool is_moving(const Obstacle& obstacle);
+
 /// All points below the plane through `point_m`; `normal` points out of the body.
 Obstacle make_plane(const std::string& name, const Eigen::Vector3d& point_m,
                     const Eigen::Vector3d& normal);

@@ -2,11 +2,26 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 
 #include "semblance/cloth/cloth_system.h"
 #include "semblance/core/progress.h"
 
 namespace semblance {
+
+/// How the approach to rest goes on: with the state, all that an interrupted one needs.
+struct RestPace {
+  double step_s = 0.0;     // of the next step
+  double tolerance = 0.0;  // StepOptions::tolerance of the next step
+};
+
+struct RestReport {
+  bool at_rest = false;
+  int steps = 0;
+  int newton_iterations = 0;
+  int linear_iterations = 0;
+  double residual = 0.0;
+};
 
 /// Rest is where forces balance, with the friction that held on the way: no step moves the sheet
 /// any more. It is approached by quasi-static steps (each the implicit Euler step of a sheet
@@ -16,14 +31,10 @@ struct RestOptions {
   double first_step_s = 0.03;
   double longest_step_s = 3.0;
   int most_steps = 2000;
-};
-
-struct RestReport {
-  bool at_rest = false;
-  int steps = 0;
-  int newton_iterations = 0;
-  int linear_iterations = 0;
-  double residual = 0.0;
+  /// Goes on with this pace, where an earlier call was interrupted.
+  std::optional<RestPace> pace;
+  /// Called after every step, with what the next one starts from.
+  std::function<void(const ClothState&, const RestReport&, const RestPace&)> after_step;
 };
 
 /// Brings `state` to rest. `system`'s scheme must be quasistatic.

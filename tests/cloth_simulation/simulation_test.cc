@@ -1,0 +1,235 @@
+// Runs of cloth from start to end, on coarse sheets.
+#include "semblance/cloth/simulation.h"
+
+#include <gmock/gmock.h>
+
+#include "plausible_fabric.h"
+#include "semblance/cloth/checkpoint.h"
+#include "semblance/cloth/presets.h"
+#include "semblance/core/errors.h"
+
+namespace semblance::testing {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::ThrowsMessage;
+
+/// Keeps what a run hands out.
+struct Notes : SimulationSink {
+  std::vector<double> frame_times_s;
+  std::vector<std::string> checkpoints, warnings;
+  int levels_done = 0, first_frame = 0;
+
+  void frame(int number, double time_s, const Sheet&, const Points&) override {
+    EXPECT_EQ(number, first_frame + static_cast<int>(frame_times_s.size()));
+    frame_times_s.push_back(time_s);
+  }
+  void level_done(int, const SimulationLevel&, const Sheet&, const Points&) override {
+    ++levels_done;
+  }
+  void checkpoint(const SimulationCheckpoint& checkpoint) override {
+    checkpoints.push_back(format_checkpoint(checkpoint));
+  }
+  void warn(const std::string& message) override { warnings.push_back(message); }
+};
+
+/// Stops a run after so many looks.
+struct Impatient : Progress {
+  explicit Impatient(int patience) : left(patience) {}
+  void begin(const std::string&, std::int64_t) override {}
+  void update(std::int64_t) override {}
+  void end() override {}
+  bool cancelled() const override { return --left < 0; }
+  mutable int left;
+};
+
+SimulationOptions some_options(SimulationMethod method, double spacing_m) {
+  SimulationOptions options;
+  options.method = method;
+  options.spacing_m = spacing_m;
+  return options;
+}
+
+TEST(Simulation, AStripComesToRestByEveryMethod) {
+  const SimulationSetup setup = preset_setup("strip", plausible_fabric());
+  std::vector<double> tip_m;
+  for (const auto method : {SimulationMethod::dynamic, SimulationMethod::quasistatic,
+                            SimulationMethod::coarse_to_fine}) {
+    Notes notes;
+    const SimulationSummary summary =
+        simulate(setup, some_options(method, method == SimulationMethod::dynamic ? 0.01 : 0.005),
+                 notes, silent_progress());
+    EXPECT_TRUE(summary.at_rest);
+    EXPECT_LT(summary.residual, 1e-3);
+    EXPECT_GT(summary.residual_n, 0.0);
+    EXPECT_EQ(summary.penetrations, 0);
+    EXPECT_EQ(summary.rows.empty(), false);
+    tip_m.push_back(summary.state.positions_m.col(1).minCoeff());
+  }
+  EXPECT_LT(tip_m[0], -0.02);
+  EXPECT_NEAR(tip_m[1], tip_m[0], 0.02);
+}
+
+TEST(Simulation, FramesComeAtTheirTimes) {
+  const SimulationSetup setup = preset_setup("pinned", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+  options.until_s = 0.2;
+  options.frames_per_second = 30.0;
+  options.longest_step_s = 0.013;
+  Notes notes;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  ASSERT_EQ(notes.frame_times_s.size(), 7u);
+  for (int k = 0; k < 7; ++k) EXPECT_NEAR(notes.frame_times_s[k], k / 30.0, 1e-9);
+  EXPECT_NEAR(summary.state.time_s, 0.2, 1e-9);
+  EXPECT_FALSE(summary.at_rest);
+}
+
+/// Falling without hold, a sheet's kinetic energy and work of gravity balance but for drag.
+TEST(Simulation, EnergiesBalanceInFreeFall) {
+  SimulationSetup setup = preset_setup("pinned", plausible_fabric());
+  setup.make = [make = setup.make](double spacing_m) {
+    ClothScene scene = make(spacing_m);
+    scene.fixed.clear();
+    scene.fabric.mass_damping_1_s = 0.0;
+    return scene;
+  };
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+  options.until_s = 0.1;
+  options.longest_step_s = 1e-3;
+  options.step.tolerance = 1e-6;
+  Notes notes;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  const SimulationRow& first = summary.rows.front();
+  const SimulationRow& last = summary.rows.back();
+  EXPECT_NEAR(last.speed_m_s, 0.980665, 1e-3);
+  EXPECT_NEAR(last.kinetic_j + last.gravity_j, first.kinetic_j + first.gravity_j,
+              0.03 * last.kinetic_j);
+  EXPECT_NEAR(last.elastic_j, 0.0, 1e-9);
+}
+
+void expect_resumed_alike(const SimulationSetup& setup, const SimulationOptions& options,
+                          int patience) {
+  Notes whole_notes, notes, later;
+  const SimulationSummary whole = simulate(setup, options, whole_notes, silent_progress());
+  Impatient impatient(patience);
+  const SimulationSummary stopped = simulate(setup, options, notes, impatient);
+  ASSERT_TRUE(stopped.stopped);
+  ASSERT_FALSE(notes.checkpoints.empty());
+  const SimulationCheckpoint checkpoint = parse_checkpoint(notes.checkpoints.back(), "test");
+  later.first_frame = checkpoint.frames;
+  const SimulationSummary resumed = simulate(setup, options, later, silent_progress(), &checkpoint);
+  EXPECT_EQ(resumed.state.positions_m, whole.state.positions_m);
+  EXPECT_EQ(resumed.rows.size(), whole.rows.size());
+  EXPECT_EQ(resumed.frames, whole.frames);
+  EXPECT_LT(stopped.rows.size(), whole.rows.size());
+}
+
+TEST(Simulation, ResumesToTheSameBytes) {
+  const SimulationSetup setup = preset_setup("table", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.08);
+  options.until_s = 0.4;
+  expect_resumed_alike(setup, options, 15);
+  options.step.scheme = TimeScheme::bdf2;
+  expect_resumed_alike(setup, options, 15);
+}
+
+TEST(Simulation, RestIsResumedToTheSameBytes) {
+  const SimulationSetup setup = preset_setup("strip", plausible_fabric());
+  expect_resumed_alike(setup, some_options(SimulationMethod::quasistatic, 0.01), 4);
+  SimulationOptions options = some_options(SimulationMethod::coarse_to_fine, 0.005);
+  Notes notes;
+  const auto whole = simulate(setup, options, notes, silent_progress());
+  ASSERT_EQ(whole.levels.size(), 2u);
+  // Once in each level.
+  expect_resumed_alike(setup, options, whole.levels[0].steps / 2);
+  expect_resumed_alike(setup, options, whole.levels[0].steps + whole.levels[1].steps / 2);
+}
+
+TEST(Simulation, ResumesNoOtherRun) {
+  const SimulationSetup setup = preset_setup("strip", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.01);
+  options.until_s = 0.2;
+  Notes notes;
+  Impatient impatient(5);
+  simulate(setup, options, notes, impatient);
+  const SimulationCheckpoint checkpoint = parse_checkpoint(notes.checkpoints.back(), "test");
+  options.strain_limit = 0.02;
+  EXPECT_THAT([&] { simulate(setup, options, notes, silent_progress(), &checkpoint); },
+              ThrowsMessage<InvalidInput>(HasSubstr("other options")));
+}
+
+TEST(Simulation, RefusesABodyInTheSheet) {
+  SimulationSetup setup = preset_setup("table", plausible_fabric());
+  setup.make = [make = setup.make](double spacing_m) {
+    ClothScene scene = make(spacing_m);
+    scene.start_m.col(1).array() -= 0.01;
+    return scene;
+  };
+  Notes notes;
+  EXPECT_THAT(
+      [&] {
+        simulate(setup, some_options(SimulationMethod::dynamic, 0.1), notes, silent_progress());
+      },
+      ThrowsMessage<InvalidInput>(AllOf(HasSubstr("cannot start"), HasSubstr("table"))));
+  EXPECT_THAT(notes.frame_times_s, IsEmpty());
+}
+
+TEST(Simulation, RefusesOptionsThatDoNotFit) {
+  const SimulationSetup setup = preset_setup("table", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::quasistatic, 0.1);
+  options.until_s = 1.0;
+  Notes notes;
+  const auto run = [&] { simulate(setup, options, notes, silent_progress()); };
+  EXPECT_THAT(run, ThrowsMessage<InvalidInput>(HasSubstr("know no time")));
+  options.method = SimulationMethod::dynamic;
+  options.longest_step_s = -1.0;
+  EXPECT_THAT(run, ThrowsMessage<InvalidInput>(HasSubstr("longest step")));
+}
+
+/// A step of half a second is shortened until the strain behaves.
+TEST(Simulation, StepsThatAreTooLongAreHalved) {
+  const SimulationSetup setup = preset_setup("pinned", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+  options.until_s = 0.5;
+  options.frames_per_second = 2.0;
+  options.longest_step_s = 0.5;
+  options.strain_limit = 1e-3;
+  Notes notes;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  EXPECT_GT(summary.rejected_steps, 0);
+  EXPECT_LT(summary.shortest_step_s, 0.1);
+  EXPECT_THAT(notes.warnings, Contains(HasSubstr("are too long here")));
+  for (std::size_t k = 1; k < summary.rows.size(); ++k) {
+    EXPECT_LE(summary.rows[k].elongation, summary.rows[k - 1].elongation + 1e-3);
+  }
+}
+
+/// A ball that rises under a pinned sheet carries it.
+TEST(Simulation, MovingBodiesPushTheSheet) {
+  SimulationSetup setup = preset_setup("pinned", plausible_fabric());
+  setup.make = [make = setup.make](double spacing_m) {
+    ClothScene scene = make(spacing_m);
+    scene.self_contact = false;
+    Obstacle ball = make_sphere("ball", 0.1);
+    ball.world_from_body = [](double time_s) {
+      Rigid3 place;
+      place.translation_m = {0.0, -0.11 + 0.4 * time_s, 0.2};
+      return place;
+    };
+    scene.obstacles = {ball};
+    return scene;
+  };
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.2);
+  Notes notes;
+  EXPECT_THAT([&] { simulate(setup, options, notes, silent_progress()); },
+              ThrowsMessage<InvalidInput>(HasSubstr("a body moves")));
+  options.until_s = 0.08;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  EXPECT_EQ(summary.penetrations, 0);
+  EXPECT_GT(summary.state.positions_m.col(1).maxCoeff(), 0.015);
+}
+
+}  // namespace
+}  // namespace semblance::testing
