@@ -21,6 +21,10 @@ constexpr int easy_steps_to_grow = 4;
 /// allowed this many times what they were.
 constexpr int halvings_to_insist = 3, insistence = 10;
 
+/// Contact forces are sized for cloth that lies. Where it hits something at speed they may stop it
+/// only at gaps too small to compute with, so then they grow, by this each time.
+constexpr double barrier_growth = 2.0, largest_barrier_factor = 4096.0;
+
 /// Of the refined shape and the flat start: how much of the latter is tried, one after the other,
 /// where the refined shape crosses something.
 constexpr double start_shares[] = {0.0, 0.01, 0.03, 0.1, 0.3};
@@ -264,6 +268,7 @@ void Run::resume_at(const SimulationCheckpoint& checkpoint, const std::vector<do
     throw InvalidInput(setup_.name + ": the checkpoint is of another sheet");
   }
   now_ = checkpoint;
+  system_->contact_law().barrier_pa *= now_.barrier_factor;
   resumed_ = true;
   if (!now_.rows.empty()) elongation_ = now_.rows.back().elongation;
   system_->contacts().update(state.positions_m, state.time_s);
@@ -361,6 +366,11 @@ void Run::advance() {
     now_.state = before;
     system_->contacts().update(before.positions_m, before.time_s);
     ++now_.rejected_steps;
+    if (!report.solved && halvings + 1 >= halvings_to_insist &&
+        now_.barrier_factor < largest_barrier_factor) {
+      now_.barrier_factor *= barrier_growth;
+      system_->contact_law().barrier_pa *= barrier_growth;
+    }
     now_.easy_steps = 0;
     now_.pace.step_s = 0.5 * step_s;
     if (now_.pace.step_s < options_.smallest_step_s) {
@@ -490,6 +500,7 @@ SimulationSummary Run::summary() {
   }
   out.rejected_steps = now_.rejected_steps;
   out.shortest_step_s = now_.shortest_step_s;
+  out.barrier_factor = now_.barrier_factor;
   out.over_strained_s = now_.over_strained_s;
   out.frames = now_.frames;
   out.levels = std::move(now_.levels);
