@@ -206,6 +206,18 @@ TEST(Simulation, StepsThatAreTooLongAreHalved) {
   }
 }
 
+/// Falling onto a box at 2 m/s and more, some 20 cm wide meshes at a time.
+TEST(Simulation, AHitAtSpeedIsSurvived) {
+  const SimulationSetup setup = preset_setup("pinned-box", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+  options.until_s = 0.5;
+  options.longest_step_s = 0.02;
+  Notes notes;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  EXPECT_EQ(summary.penetrations, 0);
+  EXPECT_GT(summary.rows.back().contacts, 0);
+}
+
 /// A ball that rises under a pinned sheet carries it.
 TEST(Simulation, MovingBodiesPushTheSheet) {
   SimulationSetup setup = preset_setup("pinned", plausible_fabric());

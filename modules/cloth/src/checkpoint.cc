@@ -193,6 +193,7 @@ void visit(Archive& archive, Checkpoint& checkpoint) {
   archive.number(checkpoint.frames);
   archive.number(checkpoint.rejected_steps);
   archive.number(checkpoint.shortest_step_s);
+  archive.number(checkpoint.barrier_factor);
   archive.maybe(checkpoint.over_strained_s);
   archive.list(checkpoint.levels, [](auto& inner, auto& level) { visit_level(inner, level); });
   archive.list(checkpoint.rows, [](auto& inner, auto& row) { visit_row(inner, row); });

@@ -21,6 +21,11 @@ constexpr int easy_steps_to_grow = 4;
 /// allowed this many times what they were.
 constexpr int halvings_to_insist = 3, insistence = 10;
 
+/// Contact forces are sized for cloth that lies. Where it hits something at speed, or a corner
+/// holds much of it, they may stop it only at gaps too small to compute with. So they grow where a
+/// gap is below this fraction of its reach, and where steps fail.
+constexpr double barrier_growth = 2.0, largest_barrier_factor = 4096.0, small_gap = 0.02;
+
 /// Of the refined shape and the flat start: how much of the latter is tried, one after the other,
 /// where the refined shape crosses something.
 constexpr double start_shares[] = {0.0, 0.01, 0.03, 0.1, 0.3};
@@ -170,6 +175,8 @@ class Run {
   void advance();
   bool try_step(double step_s, StepReport& report);
   double slice() const;
+  double smallest_gap();
+  void strengthen_contact();
   void settle_level();
 
   void record(const StepReport& report, double step_s, double residual);
@@ -213,6 +220,7 @@ void Run::begin_level(double spacing_m) {
                          .vertices = scene.sheet.vertex_count(),
                          .start = "the scene's start"});
   now_.state = system_->start();
+  now_.barrier_factor = 1.0;
   now_.pace = {.step_s = options_.rest.first_step_s};
 }
 
@@ -264,6 +272,7 @@ void Run::resume_at(const SimulationCheckpoint& checkpoint, const std::vector<do
     throw InvalidInput(setup_.name + ": the checkpoint is of another sheet");
   }
   now_ = checkpoint;
+  system_->contact_law().barrier_pa *= now_.barrier_factor;
   resumed_ = true;
   if (!now_.rows.empty()) elongation_ = now_.rows.back().elongation;
   system_->contacts().update(state.positions_m, state.time_s);
@@ -356,11 +365,13 @@ void Run::advance() {
         now_.pace.step_s = std::min(options_.longest_step_s, 2.0 * now_.pace.step_s);
       }
       record(report, step_s, system_->rest_residual(now_.state));
+      if (smallest_gap() < small_gap) strengthen_contact();
       break;
     }
     now_.state = before;
     system_->contacts().update(before.positions_m, before.time_s);
     ++now_.rejected_steps;
+    if (!report.solved && halvings + 1 >= halvings_to_insist) strengthen_contact();
     now_.easy_steps = 0;
     now_.pace.step_s = 0.5 * step_s;
     if (now_.pace.step_s < options_.smallest_step_s) {
@@ -376,6 +387,21 @@ void Run::advance() {
     }
   }
   if (now_.state.time_s >= now_.frames / options_.frames_per_second - 1e-9) write_frame();
+}
+
+/// Over its reach; 1 where nothing touches.
+double Run::smallest_gap() {
+  double smallest = 1.0;
+  for (const Contact& contact : system_->contacts().contacts(now_.state.positions_m)) {
+    smallest = std::min(smallest, contact.gap_m / contact.reach_m);
+  }
+  return smallest;
+}
+
+void Run::strengthen_contact() {
+  if (now_.barrier_factor >= largest_barrier_factor) return;
+  now_.barrier_factor *= barrier_growth;
+  system_->contact_law().barrier_pa *= barrier_growth;
 }
 
 bool Run::try_step(double step_s, StepReport& report) {
@@ -403,6 +429,7 @@ void Run::settle_level() {
     now_.pace = pace;
     record(step, step_s, report.residual);
     level().residual = report.residual;
+    if (!report.at_rest && smallest_gap() < small_gap) strengthen_contact();
     if (options_.method == SimulationMethod::quasistatic) write_frame();
     save_if_due();
   };
@@ -490,6 +517,7 @@ SimulationSummary Run::summary() {
   }
   out.rejected_steps = now_.rejected_steps;
   out.shortest_step_s = now_.shortest_step_s;
+  out.barrier_factor = now_.barrier_factor;
   out.over_strained_s = now_.over_strained_s;
   out.frames = now_.frames;
   out.levels = std::move(now_.levels);

@@ -131,13 +131,15 @@ cv::Scalar grey(double compression, double largest) {
   return cv::Scalar::all(255.0 * std::clamp(compression / largest, 0.0, 1.0));
 }
 
-void draw_scale(cv::Mat& picture, int top, double largest) {
+void draw_scale(cv::Mat& picture, int top, double white, double largest) {
   const int left = 40, right = picture.cols / 2, height = 22;
   for (int x = left; x < right; ++x) {
     cv::line(picture, {x, top}, {x, top + height},
              grey(static_cast<double>(x - left) / (right - left), 1.0));
   }
-  cv::putText(picture, fmt::format("compression 0 (black) to {:.3f} % (white)", 1e2 * largest),
+  cv::putText(picture,
+              fmt::format("compression: black 0, white {:.2f} % and more; the largest is {:.2f} %",
+                          1e2 * white, 1e2 * largest),
               {left, top + height + 34}, cv::FONT_HERSHEY_SIMPLEX, 0.8, cv::Scalar::all(255), 2,
               cv::LINE_AA);
 }
@@ -180,8 +182,11 @@ Image draw_drape(const ClothScene& scene, const Points& positions_m, double time
 
 Image draw_compression(const Sheet& sheet, const Deformation& deformation,
                        const std::vector<double>& elongations) {
-  double largest = 0.0;
-  for (const double e : elongations) largest = std::max(largest, -e);
+  std::vector<double> sorted = elongations;
+  std::sort(sorted.begin(), sorted.end());
+  const double largest = sorted.empty() ? 0.0 : std::max(0.0, -sorted.front());
+  // One spring that is crushed must not hide what the others do.
+  const double white = sorted.empty() ? 0.0 : std::max(0.0, -sorted[sorted.size() / 500]);
   const Eigen::RowVector2d low = sheet.material_m.colwise().minCoeff();
   const Eigen::RowVector2d size = sheet.material_m.colwise().maxCoeff() - low;
   constexpr int margin = 40, scale_height = 90;
@@ -203,7 +208,7 @@ Image draw_compression(const Sheet& sheet, const Deformation& deformation,
                    [&](int a, int b) { return elongations[a] > elongations[b]; });
   for (const int e : order) {
     const auto row = deformation.row(e);
-    const cv::Scalar colour = grey(-elongations[e], std::max(largest, 1e-12));
+    const cv::Scalar colour = grey(-elongations[e], std::max(white, 1e-12));
     if (row.size() == 2) {
       cv::line(picture, place(row[0].vertex), place(row[1].vertex), colour, thickness, cv::LINE_AA);
     } else {
@@ -212,7 +217,7 @@ Image draw_compression(const Sheet& sheet, const Deformation& deformation,
       cv::fillConvexPoly(picture, corners, colour, cv::LINE_AA);
     }
   }
-  draw_scale(picture, height, largest);
+  draw_scale(picture, height, white, largest);
   return to_linear(picture);
 }
 

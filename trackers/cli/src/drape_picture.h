@@ -11,7 +11,7 @@ namespace semblance::cli {
 Image draw_drape(const ClothScene& scene, const Points& positions_m, double time_s);
 
 /// The sheet in its own plane, u to the right and v up, every tension spring coloured by how much
-/// it is compressed: black for not at all, white for `largest` (a fraction), which is written below
+/// it is compressed: black for not at all, white for what only one in 500 exceeds, as written below
 /// (mirages-2006, Fig. 30). Of triangles, each is filled with the larger of its two strains.
 Image draw_compression(const Sheet& sheet, const Deformation& deformation,
                        const std::vector<double>& elongations);

@@ -242,6 +242,7 @@ nlohmann::json simulation_json(const SimulationSummary& summary, const std::stri
   if (method == "dynamic") {
     out["simulated_s"] = summary.state.time_s;
     out["shortest_step_s"] = summary.shortest_step_s;
+    out["barrier_factor"] = summary.barrier_factor;
   }
   if (summary.over_strained_s) out["strain_limit_passed_s"] = *summary.over_strained_s;
   return out;

@@ -88,6 +88,7 @@ class ClothSystem {
   ContactFinder& contacts() { return finder_; }
   const ClothTiming& timing() const { return timing_; }
   StepOptions& options() { return options_; }
+  ContactLaw& contact_law() { return law_; }
 
   ClothState start();
   StepReport step(ClothState& state, double step_s);

@@ -82,6 +82,7 @@ struct SimulationCheckpoint {
   std::int32_t frames = 0;  // written so far
   std::int32_t rejected_steps = 0;
   double shortest_step_s = 0.0;
+  double barrier_factor = 1.0;            // on ContactLaw::barrier_pa, raised by hits at speed
   std::optional<double> over_strained_s;  // when the strain limit was passed first
   std::vector<SimulationLevel> levels;    // the last one is under way
   std::vector<SimulationRow> rows;
@@ -102,6 +103,7 @@ struct SimulationSummary {
   std::vector<SimulationRow> rows;
   std::int32_t rejected_steps = 0;
   double shortest_step_s = 0.0;
+  double barrier_factor = 1.0;  // see SimulationCheckpoint
   std::optional<double> over_strained_s;
   std::int32_t frames = 0;
 };
