@@ -1,0 +1,163 @@
+// `semblance simulate`: what it writes, how it goes on, and what it refuses.
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+#include "semblance/io/image_io.h"
+#include "semblance/io/mesh_io.h"
+#include "support.h"
+
+namespace semblance::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using nlohmann::json;
+
+class SimulateCommand : public ::testing::Test {
+ protected:
+  SimulateCommand() {
+    write("cotton.json", R"({"schema": "semblance.fabric/1", "name": "cotton", "units": "kes",
+      "area_density": 115, "thickness": 0.31, "friction": 0.3, "mass_damping_1_s": 2.0,
+      "tension_warp": {"stiffness": 100}, "tension_weft": {"stiffness": 80},
+      "shear": {"stiffness": 0.8, "end": 8}, "bending_warp": {"stiffness": 0.1, "end": 2.5},
+      "bending_weft": {"stiffness": 0.08, "end": 2.5}})");
+  }
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  void write(const std::string& name, const std::string& text) const {
+    std::ofstream(path(name), std::ios::binary) << text;
+  }
+  ProgramResult run(const std::string& scene, const std::string& out,
+                    std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"simulate", scene, "-o", path(out), "--fabric",
+                                          path("cotton.json"), "--json", path(out + ".json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_program(arguments);
+  }
+  json summary(const std::string& out) const { return json::parse(file_bytes(path(out + ".json"))); }
+  void expect_refused(const ProgramResult& result, const std::string& message) const {
+    EXPECT_EQ(result.exit_code, 3) << result.output;
+    EXPECT_THAT(result.output, HasSubstr(message));
+    EXPECT_FALSE(fs::exists(path("out")));
+  }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+TEST_F(SimulateCommand, WritesAllItsFiles) {
+  const ProgramResult result =
+      run("disc", "out", {"--spacing", "0.03", "--method", "quasistatic", "--format", "ply"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const json figures = summary("out");
+  for (const char* key :
+       {"cpu_s", "wall_s", "simulated_s", "steps", "newton_iterations", "linear_iterations",
+        "collision_share", "residual_n", "relative_residual", "max_edge_strain", "penetrations",
+        "drape_coefficient", "vertices", "at_rest", "method", "spacing_m", "fabric", "assumptions",
+        "levels"}) {
+    EXPECT_TRUE(figures.contains(key)) << key;
+  }
+  EXPECT_EQ(figures["fabric"], "cotton");
+  EXPECT_TRUE(figures["simulated_s"].is_null());
+  EXPECT_TRUE(figures["at_rest"].get<bool>());
+  EXPECT_GT(figures["drape_coefficient"].get<double>(), 0.2);
+  EXPECT_LT(figures["drape_coefficient"].get<double>(), 1.0);
+  EXPECT_EQ(read_mesh(path("out/rest.obj")).vertex_count(), figures["vertices"].get<int>());
+  EXPECT_EQ(read_mesh(path("out/frames/frame-00000.ply")).vertex_count(),
+            figures["vertices"].get<int>());
+  EXPECT_EQ(read_image(path("out/drape.png")).width, 1000);
+  EXPECT_GT(read_image(path("out/compression.png")).width, 800);
+  for (const auto& [file, header] : {std::pair{"energy.csv", "level,time_s,step_s,kinetic_j"},
+                                     std::pair{"strain.csv", "direction,vertex_1"},
+                                     std::pair{"profile.csv", "angle_deg,radius_m"}}) {
+    EXPECT_THAT(file_bytes(path(std::string("out/") + file)), HasSubstr(header));
+  }
+  EXPECT_FALSE(fs::exists(path("out/checkpoint.bin")));
+  for (const auto& entry : fs::recursive_directory_iterator(path("out"))) {
+    EXPECT_EQ(entry.path().filename().string().find("tmp"), std::string::npos) << entry.path();
+  }
+}
+
+TEST_F(SimulateCommand, AnimationsAreOneFile) {
+  const ProgramResult result = run("pinned", "out",
+                                   {"--spacing", "0.2", "--until", "0.2", "--format", "glb"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(file_bytes(path("out/motion.glb")), HasSubstr("\"frame 5\""));
+  EXPECT_FALSE(fs::exists(path("out/frames")));
+  EXPECT_EQ(summary("out")["frames"], 6);
+}
+
+TEST_F(SimulateCommand, ComparesWithAnotherRun) {
+  ASSERT_EQ(run("strip", "a", {"--spacing", "0.01", "--method", "quasistatic"}).exit_code, 0);
+  ASSERT_EQ(run("strip", "b",
+                {"--spacing", "0.005", "--method", "coarse-to-fine", "--compare-with", path("a")})
+                .exit_code,
+            0);
+  EXPECT_LT(summary("b")["shape_error_m"].get<double>(), 0.02);
+  EXPECT_EQ(summary("b")["levels"].size(), 2u);
+  EXPECT_TRUE(fs::exists(path("b/level-1.obj")));
+}
+
+/// Interrupted after a while, wherever that is; what it ends in is the same to the byte.
+TEST_F(SimulateCommand, GoesOnAfterAnInterrupt) {
+  const std::vector<std::string> options = {"--spacing", "0.05", "--until", "0.8"};
+  ASSERT_EQ(run("table", "whole", options).exit_code, 0);
+  RunningProgram program({"simulate", "table", "-o", path("parts"), "--fabric",
+                          path("cotton.json"), "--spacing", "0.05", "--until", "0.8"});
+  ASSERT_TRUE(program.wait_for_lines(path("parts/frames/frame-00003.obj"), 1));
+  program.signal(SIGINT);
+  EXPECT_EQ(program.wait().exit_code, 0);
+  if (fs::exists(path("parts/rest.obj"))) GTEST_SKIP() << "it was done before the interrupt";
+  EXPECT_TRUE(fs::exists(path("parts/checkpoint.bin")));
+  std::vector<std::string> resumed = options;
+  resumed.push_back("--resume");
+  const ProgramResult result = run("table", "parts", resumed);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  for (const char* file : {"rest.obj", "energy.csv", "frames/frame-00019.obj"}) {
+    EXPECT_EQ(file_bytes(path(std::string("parts/") + file)),
+              file_bytes(path(std::string("whole/") + file)))
+        << file;
+  }
+  EXPECT_FALSE(fs::exists(path("parts/checkpoint.bin")));
+}
+
+TEST_F(SimulateCommand, RefusesWhatItCannotUse) {
+  expect_refused(run("curtain", "out"), "presets are table, pinned, pinned-box, disc, strip");
+  expect_refused(run_program({"simulate", "table", "-o", path("out")}), "--fabric");
+  expect_refused(run("table", "out", {"--spacing", "0.9"}), "two spacings");
+  expect_refused(run("table", "out", {"--until", "soon"}), "--until");
+  expect_refused(run("table", "out", {"--until", "1", "--method", "quasistatic"}), "know no time");
+  write("heavy.json", R"({"schema": "semblance.fabric/1", "name": "x", "units": "kes",
+    "area_density": -115, "thickness": 0.31, "tension_warp": {"stiffness": 100},
+    "tension_weft": {"stiffness": 80}, "shear": {"stiffness": 0.8, "end": 8},
+    "bending_warp": {"stiffness": 0.1, "end": 2.5},
+    "bending_weft": {"stiffness": 0.08, "end": 2.5}})");
+  expect_refused(
+      run_program({"simulate", "table", "-o", path("out"), "--fabric", path("heavy.json")}),
+      "density");
+  write("scene.json", R"({"schema": "semblance.cloth_scene/1",
+    "sheet": {"kind": "rectangle", "warp_m": 1, "weft_m": 1, "spacing_m": 0.1},
+    "obstacles": [{"kind": "sphere", "name": "ball", "radius_m": 0.2}]})");
+  expect_refused(run(path("scene.json"), "out"), "ball");
+}
+
+TEST_F(SimulateCommand, RefusesADamagedCheckpoint) {
+  fs::create_directory(path("run"));
+  write("run/checkpoint.bin", "semblance.cloth_checkpoint/1\n12345678901234567890");
+  const ProgramResult result = run("strip", "run", {"--resume"});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.output, HasSubstr("damaged"));
+}
+
+TEST_F(SimulateCommand, WrongUsageIsSaidFirst) {
+  EXPECT_EQ(run("table", "out", {"--method", "magic"}).exit_code, 2);
+  EXPECT_EQ(run("table", "out", {"--step", "-1"}).exit_code, 2);
+  EXPECT_EQ(run("table", "out", {"--format", "fbx"}).exit_code, 2);
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+}  // namespace
+}  // namespace semblance::testing
