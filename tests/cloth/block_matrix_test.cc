@@ -87,7 +87,7 @@ TEST_F(SystemMatrix, SolversAgreeWithADenseFactorisation) {
   const Eigen::MatrixXd right = b.topRows<3>();
   const Eigen::VectorXd exact =
       a.ldlt().solve(Eigen::Map<const Eigen::VectorXd>(right.data(), 3 * n));
-  for (const char* name : {"jacobi", "lines"}) {
+  for (const char* name : {"jacobi", "lines", "direct"}) {
     const auto solver = make_linear_solver(name, sheet_);
     solver->prepare(matrix_);
     BlockVector x = BlockVector::Zero(4, n);
@@ -111,6 +111,22 @@ TEST_F(SystemMatrix, LinesNeedFarFewerIterations) {
     iterations[k] = solver->solve(b, 1e-3, x).iterations;
   }
   EXPECT_LT(4 * iterations[1], iterations[0]);
+}
+
+/// One factorisation after another of the same places, then with one coupling less.
+TEST_F(SystemMatrix, DirectNeedsAtMostThreeIterations) {
+  const int n = static_cast<int>(sheet_.vertex_count());
+  BlockVector b = BlockVector::Zero(4, n);
+  b.topRows<3>() = random_points(n, 7).transpose();
+  for (const int f : {0, 6}) b.col(f).setZero();
+  const auto solver = make_linear_solver("direct", sheet_);
+  for (const BlockMatrix* matrix : {&matrix_, &matrix_, &plain_}) {
+    solver->prepare(*matrix);
+    BlockVector x = BlockVector::Zero(4, n), product;
+    EXPECT_LE(solver->solve(b, 1e-6, x).iterations, 3);
+    matrix->multiply(x, product);
+    EXPECT_LT((product - b).norm(), 1e-5 * b.norm());
+  }
 }
 
 }  // namespace

@@ -68,6 +68,7 @@ TEST(Rest, OfASheetOnATableIsStillAndCrossesNothing) {
   ClothSystem system(small_table(0.02), quasistatic());
   ClothState state = system.start();
   RestOptions options;
+  options.tolerance = 1e-4;
   const RestReport report = settle(system, state, options, silent_progress());
   ASSERT_TRUE(report.at_rest);
   EXPECT_LE(system.rest_residual(state), options.tolerance);

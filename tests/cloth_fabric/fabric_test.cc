@@ -159,6 +159,17 @@ TEST(ResponseFromLoop, ALoopThatClosesGentlyStaysClosed) {
   EXPECT_NEAR(response.friction.value(0.5), 0.05, 1e-6);
 }
 
+/// The slider sticks up to 0.1, then slips.
+TEST(LoadingCurve, IsElasticForceAndFrictionFromRest) {
+  ModeResponse mode = linear_response(10.0, 1.0, 2.0);
+  mode.reversal = 0.1;
+  const Curve loading = loading_curve(mode);
+  for (const double e : {0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5}) {
+    EXPECT_NEAR(loading.value(e), 10.0 * e + std::min(20.0 * e, 2.0), 1e-9) << e;
+  }
+  EXPECT_EQ(loading_curve(linear_response(10.0, 1.0)), linear_response(10.0, 1.0).elastic);
+}
+
 // Digitised plots have few points: none of them may lie where the slider is under way.
 TEST(ResponseFromLoop, AFewPointsBehindTheTurnsAreEnough) {
   const Curve up({0.0, 1.0, 2.0}, {0.0, 11.0, 21.0}), down({0.0, 1.0, 2.0}, {-1.0, 9.0, 21.0});

@@ -109,6 +109,7 @@ std::unique_ptr<Preconditioner> make_jacobi() { return std::make_unique<Jacobi>(
 
 std::unique_ptr<LinearSolver> make_linear_solver(const std::string& name, const Sheet& sheet) {
   if (name == "jacobi") return std::make_unique<ConjugateGradients>(make_jacobi());
+  if (name == "direct") return std::make_unique<ConjugateGradients>(make_factorization());
   if (name == "lines" && sheet.grid) {
     return std::make_unique<ConjugateGradients>(make_lines(*sheet.grid));
   }

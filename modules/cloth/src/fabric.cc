@@ -184,6 +184,25 @@ ModeResponse measured_twist(const ModeResponse& bias, const ModeResponse& a,
 
 }  // namespace
 
+Curve loading_curve(const ModeResponse& mode) {
+  const double k = mode.slider_stiffness();
+  if (k <= 0.0) return mode.elastic;
+  std::vector<double> x = common_places(mode.elastic, mode.friction);
+  // Where the slider begins to slip.
+  const auto sticks = [&](double e) { return k * e < mode.friction.value(e); };
+  double low = 0.0, high = mode.reversal;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (low + high);
+    (sticks(middle) ? low : high) = middle;
+  }
+  if (high > 1e-6 * x.back()) x = merged_places(x, {0.5 * high, high, 2.0 * high});
+  std::vector<double> force;
+  for (const double e : x) {
+    force.push_back(mode.elastic.value(e) + std::min(k * e, mode.friction.value(e)));
+  }
+  return {x, force, mode.elastic.beyond()};
+}
+
 ModeResponse twist_response(const Fabric& fabric) {
   const ModeResponse &a = fabric.bending[warp], &b = fabric.bending[weft];
   return fabric.bending_bias ? measured_twist(*fabric.bending_bias, a, b) : assumed_twist(a, b);

@@ -17,6 +17,7 @@ class Preconditioner {
 };
 
 std::unique_ptr<Preconditioner> make_jacobi();
+std::unique_ptr<Preconditioner> make_factorization();
 std::unique_ptr<Preconditioner> make_lines(const SheetGrid& grid);
 
 }  // namespace semblance

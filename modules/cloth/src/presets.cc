@@ -136,7 +136,7 @@ SimulationSetup preset_setup(const std::string& name, const Fabric& fabric) {
 
 SheetModel make_sheet_model(const std::string& name, bool hysteresis) {
   SheetModel model;
-  model.hysteresis = hysteresis;
+  model.internal_friction = hysteresis ? InternalFriction::incremental : InternalFriction::none;
   if (name == "choi-ko") {
     model.bending = BendingModel::interlaced;
     model.compression = CompressionLaw::none;

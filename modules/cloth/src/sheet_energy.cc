@@ -97,6 +97,12 @@ SheetEnergy::SheetEnergy(const Sheet& sheet, Fabric fabric, const SheetModel& mo
   for (int k = 0; k < 2; ++k) {
     buckling_load_n_m_[k] = fabric_.bending[k].elastic.evaluate(0.0).slope * wave * wave;
   }
+  if (model.internal_friction == InternalFriction::monotone) {
+    for (ModeResponse* mode : {&fabric_.tension[0], &fabric_.tension[1], &fabric_.bending[0],
+                               &fabric_.bending[1], &fabric_.shear, &twist_}) {
+      mode->elastic = loading_curve(*mode);
+    }
+  }
   vertex_begin_.assign(sheet.vertex_count() + 1, 0);
   for (int e = 0; e < deformation_.row_count(); ++e) {
     for (const StrainEntry& entry : deformation_.row(e)) ++vertex_begin_[entry.vertex + 1];
@@ -335,8 +341,10 @@ void SheetEnergy::begin_step(const Points& positions_m, const SheetMemory& memor
     Dissipation& lossy = dissipation_[e];
     lossy.anchor = memory.anchor[e];
     lossy.previous = memory.previous[e];
-    const double size = std::abs(lossy.previous);
-    if (model_.hysteresis) {
+    const bool yarn = kind == StrainKind::warp || kind == StrainKind::weft;
+    // Yarns that are pushed together buckle and do not rub: friction is measured in tension.
+    const double size = yarn ? std::max(0.0, lossy.previous) : std::abs(lossy.previous);
+    if (model_.internal_friction == InternalFriction::incremental) {
       lossy.slider_stiffness = mode.slider_stiffness();
       lossy.threshold = mode.friction.value(size);
     }

@@ -90,7 +90,7 @@ void add_scene(Key& key, const ClothScene& scene) {
   add_fabric(key, scene.fabric);
   for (const double value :
        {static_cast<double>(scene.model.bending), static_cast<double>(scene.model.compression),
-        scene.model.hysteresis ? 1.0 : 0.0, scene.model.buckling_wavelength_m,
+        static_cast<double>(scene.model.internal_friction), scene.model.buckling_wavelength_m,
         scene.self_contact ? 1.0 : 0.0}) {
     key.add(value);
   }
@@ -203,8 +203,16 @@ class Run {
 void Run::open(double spacing_m) {
   ClothScene scene = setup_.make(spacing_m);
   StepOptions step = options_.step;
-  if (!dynamic()) step.scheme = TimeScheme::quasistatic;
-  step.linear_solver = scene.sheet.grid ? "lines" : "jacobi";
+  if (!dynamic()) {
+    step.scheme = TimeScheme::quasistatic;
+    // On the way to rest rough solutions serve, and steps need not be solved.
+    step.linear_tolerance = 0.5;
+    step.most_newton_iterations = 40;
+    // There is no time to follow loops through.
+    InternalFriction& friction = scene.model.internal_friction;
+    if (friction != InternalFriction::none) friction = InternalFriction::monotone;
+  }
+  step.linear_solver = scene.sheet.grid ? "lines" : dynamic() ? "jacobi" : "direct";
   system_ = std::make_unique<ClothSystem>(std::move(scene), step);
   contact_s_ = 0.0;
 }
@@ -293,6 +301,7 @@ SimulationSummary Run::run(const SimulationCheckpoint* resume) {
   } else {
     begin_level(spacings.front());
   }
+  sink_.begin();
   for (;;) {
     dynamic() ? run_dynamic() : settle_level();
     tick();
@@ -528,6 +537,7 @@ SimulationSummary Run::summary() {
 
 }  // namespace
 
+void SimulationSink::begin() {}
 void SimulationSink::frame(int, double, const Sheet&, const Points&) {}
 void SimulationSink::level_done(int, const SimulationLevel&, const Sheet&, const Points&) {}
 void SimulationSink::checkpoint(const SimulationCheckpoint&) {}

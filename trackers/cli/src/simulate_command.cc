@@ -66,27 +66,40 @@ SimulationSetup setup_of(const SimulateArguments& arguments) {
 void override_scene(const SimulateArguments& arguments, SimulationSetup& setup) {
   setup.make = [make = setup.make, arguments](double spacing_m) {
     ClothScene scene = make(spacing_m);
-    const bool hysteresis =
-        arguments.hysteresis.empty() ? scene.model.hysteresis : arguments.hysteresis == "on";
+    const bool own = scene.model.internal_friction != InternalFriction::none;
+    const bool hysteresis = arguments.hysteresis.empty() ? own : arguments.hysteresis == "on";
     if (!arguments.model.empty()) {
       scene.model = make_sheet_model(arguments.model, hysteresis);
     }
-    scene.model.hysteresis = hysteresis;
+    scene.model.internal_friction =
+        hysteresis ? InternalFriction::incremental : InternalFriction::none;
     if (!arguments.self_contact.empty()) scene.self_contact = arguments.self_contact == "on";
     return scene;
   };
 }
 
 /// A mesh with (u, v) in metres, as another run left it.
-double compare_with(const std::string& other, const SimulationSummary& summary) {
-  const std::string path =
-      fs::is_directory(other) ? (fs::path(other) / "rest.obj").string() : other;
-  const Mesh mesh = read_mesh(path);
-  const Sheet sheet = make_sheet(mesh, path);
+struct OtherShape {
+  std::string path;
+  Sheet sheet;
+  Points positions_m;
+};
+
+OtherShape read_other_shape(const std::string& other) {
+  OtherShape out;
+  out.path = fs::is_directory(other) ? (fs::path(other) / "rest.obj").string() : other;
+  const Mesh mesh = read_mesh(out.path);
+  out.sheet = make_sheet(mesh, out.path);
+  out.positions_m = mesh.positions_m;
+  return out;
+}
+
+double distance_from(const OtherShape& other, const SimulationSummary& summary) {
   try {
-    return shape_error_m(summary.scene.sheet, summary.state.positions_m, sheet, mesh.positions_m);
+    return shape_error_m(summary.scene.sheet, summary.state.positions_m, other.sheet,
+                         other.positions_m);
   } catch (const InvalidInput& error) {
-    throw InvalidInput(path + ": " + error.what());
+    throw InvalidInput(other.path + ": " + error.what());
   }
 }
 
@@ -120,6 +133,9 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   override_scene(arguments, setup);
   options.spacing_m = arguments.spacing_m > 0.0 ? arguments.spacing_m : setup.spacing_m;
 
+  std::optional<OtherShape> other;
+  if (!arguments.compare.empty()) other = read_other_shape(arguments.compare);
+
   SimulationFiles files(arguments.folder, arguments.format, arguments.resume);
   std::optional<SimulationCheckpoint> checkpoint;
   if (arguments.resume && fs::exists(files.checkpoint_path())) {
@@ -129,9 +145,7 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   const SimulationSummary summary =
       simulate(setup, options, files, *progress, checkpoint ? &*checkpoint : nullptr);
   nlohmann::json figures = simulation_json(summary, arguments.method, options.spacing_m);
-  if (!arguments.compare.empty() && !summary.stopped) {
-    figures["shape_error_m"] = compare_with(arguments.compare, summary);
-  }
+  if (other && !summary.stopped) figures["shape_error_m"] = distance_from(*other, summary);
   files.finish(summary, options.frames_per_second);
   print_summary(arguments, summary, figures);
   write_summary(context, figures.dump(2));

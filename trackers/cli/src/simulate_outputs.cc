@@ -58,8 +58,6 @@ SimulationFiles::SimulationFiles(std::string folder, std::string format, bool re
     : folder_(std::move(folder)), format_(std::move(format)), resume_(resume) {}
 
 void SimulationFiles::begin() {
-  if (begun_) return;
-  begun_ = true;
   prepare_output_folder(folder_);
   if (resume_) return;
   for (const char* name : {"rest.obj", "energy.csv", "strain.csv", "profile.csv", "compression.png",
@@ -81,7 +79,6 @@ std::string SimulationFiles::frame_path(int number) const {
 }
 
 void SimulationFiles::frame(int number, double, const Sheet& sheet, const Points& positions_m) {
-  begin();
   if (format_ == "none") return;
   prepare_output_folder(folder_ / "frames");
   write_mesh(frame_path(number), material_mesh(sheet, positions_m));
@@ -94,12 +91,10 @@ void SimulationFiles::write_shape(const std::string& name, const Sheet& sheet,
 
 void SimulationFiles::level_done(int number, const SimulationLevel&, const Sheet& sheet,
                                  const Points& positions_m) {
-  begin();
   write_shape(fmt::format("level-{}.obj", number + 1), sheet, positions_m);
 }
 
 void SimulationFiles::checkpoint(const SimulationCheckpoint& checkpoint) {
-  begin();
   write_checkpoint(checkpoint_path(), checkpoint);
 }
 
@@ -108,7 +103,6 @@ void SimulationFiles::warn(const std::string& message) {
 }
 
 void SimulationFiles::finish(const SimulationSummary& summary, double frames_per_second) {
-  begin();
   write_log(summary);
   if (summary.stopped) return;
   const Points& positions_m = summary.state.positions_m;

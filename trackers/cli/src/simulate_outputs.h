@@ -10,12 +10,13 @@
 namespace semblance::cli {
 
 /// Where a run leaves what it makes. Every file appears whole under its name. The folder is made,
-/// and the files of an earlier run are removed from it, only once a new run has something to write.
+/// and the files of an earlier run are removed from it, only once a new run has proved possible.
 class SimulationFiles : public SimulationSink {
  public:
   /// `format` of frames: "obj", "ply", "glb" or "none". `resume`: keep what is there.
   SimulationFiles(std::string folder, std::string format, bool resume);
 
+  void begin() override;
   void frame(int number, double time_s, const Sheet& sheet, const Points& positions_m) override;
   void level_done(int number, const SimulationLevel& level, const Sheet& sheet,
                   const Points& positions_m) override;
@@ -30,7 +31,6 @@ class SimulationFiles : public SimulationSink {
  private:
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::string frame_path(int number) const;
-  void begin();
   void write_shape(const std::string& name, const Sheet& sheet, const Points& positions_m) const;
   void write_log(const SimulationSummary& summary) const;
   void write_strain(const SimulationSummary& summary) const;
@@ -39,7 +39,7 @@ class SimulationFiles : public SimulationSink {
 
   std::filesystem::path folder_;
   std::string format_;
-  bool begun_ = false, resume_ = false;
+  bool resume_ = false;
 };
 
 /// The figures of a run, as --json has them.

@@ -37,6 +37,10 @@ struct ModeResponse {
   bool operator==(const ModeResponse&) const = default;
 };
 
+/// The force along the loading curve from rest, elastic + min(k e, friction(e)), as an elastic
+/// curve: what the mode answers while its deformation only grows.
+Curve loading_curve(const ModeResponse& mode);
+
 /// Part of the measured range that the slider travels where nothing else is known.
 constexpr double default_reversal_fraction = 0.02;
 /// Viscosity where none was measured: 3 % of critical damping at 10 Hz.

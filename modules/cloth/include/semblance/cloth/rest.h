@@ -27,7 +27,7 @@ struct RestReport {
 /// any more. It is approached by quasi-static steps (each the implicit Euler step of a sheet
 /// without velocity, so every one lowers the energy) that grow while they are easy.
 struct RestOptions {
-  double tolerance = 1e-4;  // of the unbalanced forces over the weight
+  double tolerance = 1e-3;  // of the unbalanced forces over the weight
   double first_step_s = 0.03;
   double longest_step_s = 3.0;
   int most_steps = 2000;

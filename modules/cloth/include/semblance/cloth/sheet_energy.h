@@ -11,11 +11,21 @@
 
 namespace semblance {
 
+/// How friction between the fabric's yarns acts.
+enum class InternalFriction {
+  none,
+  /// Step by step, by the sliders of ModeResponse: loops are followed as they are gone through.
+  incremental,
+  /// As if every deformation had only grown since the sheet lay flat: the measured loading curves
+  /// in place of the elastic ones, which is elastic, so a rest shape depends on no path.
+  monotone,
+};
+
 /// Which laws a sheet follows.
 struct SheetModel {
   BendingModel bending = BendingModel::curvature;
   CompressionLaw compression = CompressionLaw::buckling;
-  bool hysteresis = true;
+  InternalFriction internal_friction = InternalFriction::incremental;
   /// Wrinkles shorter than this are left to the law of compression, whose load is Euler's for it:
   /// B (2 pi / wavelength)^2.
   double buckling_wavelength_m = 0.02;

@@ -112,6 +112,8 @@ struct SimulationSummary {
 class SimulationSink {
  public:
   virtual ~SimulationSink() = default;
+  /// Scene and options have proved good: the run starts, or goes on.
+  virtual void begin();
   /// Frame `number` of the motion (of a quasi-static run: after each of its steps).
   virtual void frame(int number, double time_s, const Sheet& sheet, const Points& positions_m);
   /// A level from coarse to fine is at rest, or has given up.
