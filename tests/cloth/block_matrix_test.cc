@@ -11,18 +11,6 @@
 namespace semblance {
 namespace {
 
-Eigen::MatrixXd dense(const BlockMatrix& a) {
-  const int n = a.pattern->row_count();
-  Eigen::MatrixXd out(3 * n, 3 * n);
-  for (int k = 0; k < 3 * n; ++k) {
-    BlockVector unit = BlockVector::Zero(4, n), column;
-    unit(k % 3, k / 3) = 1.0;
-    a.multiply(unit, column);
-    for (int i = 0; i < n; ++i) out.block<3, 1>(3 * i, k) = column.col(i).head<3>();
-  }
-  return out;
-}
-
 /// The matrix of a curved sheet in a step, with two vertices held and two contacts: one between
 /// neighbours, one between parts that have nothing to do with each other.
 class SystemMatrix : public testing::Test {

@@ -41,6 +41,19 @@ inline Points crumpled(const Sheet& sheet, double noise_m, std::uint64_t seed = 
   return x;
 }
 
+/// By its products with unit vectors.
+inline Eigen::MatrixXd dense(const BlockMatrix& a) {
+  const int n = a.pattern->row_count();
+  Eigen::MatrixXd out(3 * n, 3 * n);
+  for (int k = 0; k < 3 * n; ++k) {
+    BlockVector unit = BlockVector::Zero(4, n), column;
+    unit(k % 3, k / 3) = 1.0;
+    a.multiply(unit, column);
+    for (int i = 0; i < n; ++i) out.block<3, 1>(3 * i, k) = column.col(i).head<3>();
+  }
+  return out;
+}
+
 inline Points random_points(Eigen::Index rows, std::uint64_t seed) {
   Random random(seed);
   Points out(rows, 3);

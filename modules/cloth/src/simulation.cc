@@ -205,9 +205,6 @@ void Run::open(double spacing_m) {
   StepOptions step = options_.step;
   if (!dynamic()) {
     step.scheme = TimeScheme::quasistatic;
-    // On the way to rest rough solutions serve, and steps need not be solved.
-    step.linear_tolerance = 0.5;
-    step.most_newton_iterations = 40;
     // There is no time to follow loops through.
     InternalFriction& friction = scene.model.internal_friction;
     if (friction != InternalFriction::none) friction = InternalFriction::monotone;
@@ -552,7 +549,8 @@ std::uint64_t simulation_key(const ClothScene& scene, const SimulationOptions& o
         options.step.tolerance, static_cast<double>(options.step.most_newton_iterations),
         options.longest_step_s, options.smallest_step_s, options.strain_limit,
         options.frames_per_second, options.rest.tolerance, options.rest.first_step_s,
-        options.rest.longest_step_s, options.coarsest_spacing_m}) {
+        options.rest.longest_step_s, options.rest.linear_tolerance,
+        static_cast<double>(options.rest.most_newton_iterations), options.coarsest_spacing_m}) {
     key.add(value);
   }
   return key.sum();

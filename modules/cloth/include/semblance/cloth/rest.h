@@ -31,13 +31,17 @@ struct RestOptions {
   double first_step_s = 0.03;
   double longest_step_s = 3.0;
   int most_steps = 2000;
+  /// StepOptions of every step: on the way to rest rough solutions serve, and steps need not be
+  /// solved.
+  double linear_tolerance = 0.5;
+  int most_newton_iterations = 40;
   /// Goes on with this pace, where an earlier call was interrupted.
   std::optional<RestPace> pace;
   /// Called after every step, with what the next one starts from.
   std::function<void(const ClothState&, const RestReport&, const RestPace&)> after_step;
 };
 
-/// Brings `state` to rest. `system`'s scheme must be quasistatic.
+/// Brings `state` to rest. `system`'s scheme must be quasistatic; its other options are set.
 RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& options,
                   Progress& progress);
 

@@ -35,7 +35,7 @@ struct SimulationOptions {
   SimulationMethod method = SimulationMethod::dynamic;
   std::optional<double> until_s;  // nothing: until rest; dynamic only
   double longest_time_s = 60.0;   // of a dynamic run until rest
-  StepOptions step;               // scheme is ignored where the method is not dynamic
+  StepOptions step;               // of the dynamic method
   double longest_step_s = 0.01;
   double smallest_step_s = 1e-6;
   /// A step in which the largest elongation grows by more than this is taken again with half its
@@ -129,8 +129,8 @@ std::uint64_t simulation_key(const ClothScene& scene, const SimulationOptions& o
 /// Runs `setup`. `resume` goes on from a checkpoint, to the same result. Throws InvalidInput where
 /// the cloth crosses a body at the start, where options do not fit the scene, and where the
 /// checkpoint is of another run; SolverError where no step above the smallest can be solved.
-/// Between levels from coarse to fine, friction between surfaces starts anew, and that inside the
-/// fabric starts from the shape that the level begins with.
+/// Methods that know no time take incremental friction inside the fabric as monotone. Between
+/// levels from coarse to fine, friction between surfaces starts anew.
 SimulationSummary simulate(const SimulationSetup& setup, const SimulationOptions& options,
                            SimulationSink& sink, Progress& progress,
                            const SimulationCheckpoint* resume = nullptr);
