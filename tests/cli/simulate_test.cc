@@ -14,8 +14,8 @@ namespace semblance::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 using nlohmann::json;
+using ::testing::HasSubstr;
 
 class SimulateCommand : public ::testing::Test {
  protected:
@@ -32,12 +32,15 @@ class SimulateCommand : public ::testing::Test {
   }
   ProgramResult run(const std::string& scene, const std::string& out,
                     std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"simulate", scene, "-o", path(out), "--fabric",
-                                          path("cotton.json"), "--json", path(out + ".json")};
+    std::vector<std::string> arguments = {
+        "simulate",         scene, "-o", path(out), "--fabric", path("cotton.json"), "--json",
+        path(out + ".json")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run_program(arguments);
   }
-  json summary(const std::string& out) const { return json::parse(file_bytes(path(out + ".json"))); }
+  json summary(const std::string& out) const {
+    return json::parse(file_bytes(path(out + ".json")));
+  }
   void expect_refused(const ProgramResult& result, const std::string& message) const {
     EXPECT_EQ(result.exit_code, 3) << result.output;
     EXPECT_THAT(result.output, HasSubstr(message));
@@ -53,11 +56,10 @@ TEST_F(SimulateCommand, WritesAllItsFiles) {
       run("disc", "out", {"--spacing", "0.03", "--method", "quasistatic", "--format", "ply"});
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const json figures = summary("out");
-  for (const char* key :
-       {"cpu_s", "wall_s", "simulated_s", "steps", "newton_iterations", "linear_iterations",
-        "collision_share", "residual_n", "relative_residual", "max_edge_strain", "penetrations",
-        "drape_coefficient", "vertices", "at_rest", "method", "spacing_m", "fabric", "assumptions",
-        "levels"}) {
+  for (const char* key : {"cpu_s", "wall_s", "simulated_s", "steps", "newton_iterations",
+                          "linear_iterations", "collision_share", "residual_n", "relative_residual",
+                          "max_edge_strain", "penetrations", "drape_coefficient", "vertices",
+                          "at_rest", "method", "spacing_m", "fabric", "assumptions", "levels"}) {
     EXPECT_TRUE(figures.contains(key)) << key;
   }
   EXPECT_EQ(figures["fabric"], "cotton");
@@ -82,8 +84,8 @@ TEST_F(SimulateCommand, WritesAllItsFiles) {
 }
 
 TEST_F(SimulateCommand, AnimationsAreOneFile) {
-  const ProgramResult result = run("pinned", "out",
-                                   {"--spacing", "0.2", "--until", "0.2", "--format", "glb"});
+  const ProgramResult result =
+      run("pinned", "out", {"--spacing", "0.2", "--until", "0.2", "--format", "glb"});
   ASSERT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(file_bytes(path("out/motion.glb")), HasSubstr("\"frame 5\""));
   EXPECT_FALSE(fs::exists(path("out/frames")));
@@ -105,8 +107,8 @@ TEST_F(SimulateCommand, ComparesWithAnotherRun) {
 TEST_F(SimulateCommand, GoesOnAfterAnInterrupt) {
   const std::vector<std::string> options = {"--spacing", "0.05", "--until", "0.8"};
   ASSERT_EQ(run("table", "whole", options).exit_code, 0);
-  RunningProgram program({"simulate", "table", "-o", path("parts"), "--fabric",
-                          path("cotton.json"), "--spacing", "0.05", "--until", "0.8"});
+  RunningProgram program({"simulate", "table", "-o", path("parts"), "--fabric", path("cotton.json"),
+                          "--spacing", "0.05", "--until", "0.8"});
   ASSERT_TRUE(program.wait_for_lines(path("parts/frames/frame-00003.obj"), 1));
   program.signal(SIGINT);
   EXPECT_EQ(program.wait().exit_code, 0);
