@@ -64,7 +64,7 @@ TEST(InterlacedResponse, IsContinuousWhereTheRampEnds) {
 }
 
 TEST(Dissipation, DerivativesAreDifferences) {
-  const Dissipation lossy{100.0, 0.5, 0.01, 20.0, 0.004};
+  const Dissipation lossy{0.5, 0.005, 0.01, 20.0, 0.004};
   for (const double e : {-0.02, 0.008, 0.0149, 0.0152, 0.1}) {
     expect_derivatives([&](double x) { return lossy.evaluate(x); }, e, 1e-8, 1e-5);
   }
@@ -72,10 +72,10 @@ TEST(Dissipation, DerivativesAreDifferences) {
 
 /// Cycled slowly, a slider dissipates four times threshold times travel beyond its reach.
 TEST(Dissipation, LoopHasTheAreaOfASlider) {
-  const double k = 1000.0, threshold = 2.0, end = 0.05;
+  const double reach = 0.002, threshold = 2.0, end = 0.05;
   double anchor = 0.0, before = 0.0, work = 0.0;
   const auto move_to = [&](double e) {
-    const Dissipation lossy{k, threshold, anchor, 0.0, before};
+    const Dissipation lossy{threshold, reach, anchor, 0.0, before};
     const double force = lossy.evaluate(e).force;
     work += force * (e - before);
     anchor = lossy.slipped_anchor(e);
@@ -86,7 +86,7 @@ TEST(Dissipation, LoopHasTheAreaOfASlider) {
   work = 0.0;
   for (int i = steps; i >= -steps; --i) move_to(end * i / steps);
   for (int i = -steps; i <= steps; ++i) move_to(end * i / steps);
-  EXPECT_NEAR(work, 4.0 * threshold * (end - threshold / k), 1e-3 * work);
+  EXPECT_NEAR(work, 4.0 * threshold * (end - reach), 1e-3 * work);
 }
 
 }  // namespace

@@ -31,6 +31,19 @@ Curve part_of(const Curve& curve, double low, double high, const char* branch,
   return {x, values};
 }
 
+/// The first curve's places and the second's up to the first one's end.
+std::vector<double> merged_places(std::vector<double> places, const std::vector<double>& more) {
+  const double end = places.back();
+  for (const double x : more) {
+    if (x < end) places.push_back(x);
+  }
+  std::sort(places.begin(), places.end());
+  // Places that differ by rounding only would make steps of their differences.
+  const auto same = [&](double a, double b) { return b - a < 1e-9 * end; };
+  places.erase(std::unique(places.begin(), places.end(), same), places.end());
+  return places;
+}
+
 void check_ends(const Curve& loading, const Curve& unloading, const std::string& source) {
   const double end = loading.last();
   if (std::abs(unloading.last() - end) > 1e-6 * end) {
@@ -59,6 +72,30 @@ void check_rises(const std::vector<double>& x, const std::vector<double>& values
   }
 }
 
+/// Of branches that meet at 0 and at the end: loading = elastic + friction s and unloading likewise
+/// with the slider's s, which both know from the travel since the turn.
+ModeResponse closed_loop(const Curve& loading, const Curve& unloading, double reversal,
+                         const std::string& source) {
+  const double end = loading.last();
+  const std::vector<double> x =
+      merged_places(common_places(loading, unloading),
+                    {0.0, 0.5 * reversal, reversal, end - 2.0 * reversal, end - reversal, end});
+  std::vector<double> force, friction;
+  for (const double place : x) {
+    const CurvePoint above = loading.evaluate(place), below = unloading.evaluate(place);
+    check_width(above.value, below.value, place, loading.value(end), source);
+    const double loaded = std::min(1.0, place / reversal);
+    const double unloaded = std::max(-1.0, 1.0 - (end - place) / reversal);
+    const double width = place < end ? (above.value - below.value) / (loaded - unloaded)
+                                     : reversal * (below.slope - above.slope);
+    friction.push_back(std::max(0.0, width));
+    force.push_back(place > 0.0 ? above.value - friction.back() * loaded : 0.0);
+  }
+  check_rises(x, force, source);
+  return {Curve(x, force), Curve(x, friction, Curve::Beyond::constant), reversal,
+          default_viscosity_s};
+}
+
 }  // namespace
 
 ModeResponse linear_response(double stiffness, double end, double friction) {
@@ -76,17 +113,16 @@ ModeResponse response_from_loop(const Curve& loading, const Curve& unloading, Tu
         fmt::format("{}: reversal {:g} must be positive and below a fifth of the range of {:g}",
                     source, reversal, end));
   }
-  const bool slides = turns == Turns::sliding;
-  const Curve up = slides ? part_of(loading, reversal, end, "loading", source) : loading;
-  const Curve down =
-      slides ? part_of(unloading, 0.0, end - 2.0 * reversal, "unloading", source) : unloading;
+  if (turns == Turns::closing) return closed_loop(loading, unloading, reversal, source);
+  const Curve up = part_of(loading, reversal, end, "loading", source);
+  const Curve down = part_of(unloading, 0.0, end - 2.0 * reversal, "unloading", source);
   std::vector<double> x = common_places(up, down), force, friction;
   if (x.front() > 0.0) x.insert(x.begin(), 0.0);
   if (x.back() < end) x.push_back(end);
   for (const double place : x) {
     const double above = up.value(place), below = down.value(place);
     const bool inside = place > reversal && place < end - 2.0 * reversal;
-    if (inside || !slides) check_width(above, below, place, loading.value(end), source);
+    if (inside) check_width(above, below, place, loading.value(end), source);
     friction.push_back(std::max(0.0, 0.5 * (above - below)));
     force.push_back(place > 0.0 ? above - friction.back() : 0.0);
   }
@@ -135,19 +171,6 @@ std::string reversal_assumption() {
 
 namespace {
 
-/// The first curve's places and the second's up to the first one's end.
-std::vector<double> merged_places(std::vector<double> places, const std::vector<double>& more) {
-  const double end = places.back();
-  for (const double x : more) {
-    if (x < end) places.push_back(x);
-  }
-  std::sort(places.begin(), places.end());
-  // Places that differ by rounding only would make steps of their differences.
-  const auto same = [&](double a, double b) { return b - a < 1e-9 * end; };
-  places.erase(std::unique(places.begin(), places.end(), same), places.end());
-  return places;
-}
-
 ModeResponse assumed_twist(const ModeResponse& a, const ModeResponse& b) {
   const std::vector<double> x = common_places(a.elastic, b.elastic);
   std::vector<double> moment;
@@ -185,20 +208,13 @@ ModeResponse measured_twist(const ModeResponse& bias, const ModeResponse& a,
 }  // namespace
 
 Curve loading_curve(const ModeResponse& mode) {
-  const double k = mode.slider_stiffness();
-  if (k <= 0.0) return mode.elastic;
-  std::vector<double> x = common_places(mode.elastic, mode.friction);
-  // Where the slider begins to slip.
-  const auto sticks = [&](double e) { return k * e < mode.friction.value(e); };
-  double low = 0.0, high = mode.reversal;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (sticks(middle) ? low : high) = middle;
-  }
-  if (high > 1e-6 * x.back()) x = merged_places(x, {0.5 * high, high, 2.0 * high});
+  if (mode.friction.largest_value() <= 0.0) return mode.elastic;
+  const double slips = mode.reversal;
+  const std::vector<double> x =
+      merged_places(common_places(mode.elastic, mode.friction), {0.5 * slips, slips, 2.0 * slips});
   std::vector<double> force;
   for (const double e : x) {
-    force.push_back(mode.elastic.value(e) + std::min(k * e, mode.friction.value(e)));
+    force.push_back(mode.elastic.value(e) + mode.friction.value(e) * std::min(1.0, e / slips));
   }
   return {x, force, mode.elastic.beyond()};
 }

@@ -188,15 +188,16 @@ class Maker {
         given_or(given.rt_pct, typical::rt_pct, "RT in %", "typical of woven clothes");
     const double end = emt_pct * kes::strain_from_pct;
     const double up = exponent_of(lt), down = exponent_of(lt * rt_pct / 100.0);
-    std::vector<double> strain, elastic, friction;
+    std::vector<double> strain, loading, unloading;
     for (const double x : tension_places(down)) {
-      const double loading = exponential(up, x), unloading = exponential(down, x);
       strain.push_back(x * end);
-      elastic.push_back(0.5 * kes::tension_end_n_m * (loading + unloading));
-      friction.push_back(0.5 * kes::tension_end_n_m * std::max(0.0, loading - unloading));
+      loading.push_back(kes::tension_end_n_m * exponential(up, x));
+      unloading.push_back(kes::tension_end_n_m * exponential(down, x));
     }
-    return {Curve(strain, elastic), Curve(strain, friction, Curve::Beyond::constant),
-            default_reversal_fraction * end, default_viscosity_s};
+    // A slider that turned slower than the loop closes would leave the elastic force a dent.
+    const double reversal = end * std::min(default_reversal_fraction, 0.5 / (down * down));
+    return response_from_loop({strain, loading}, {strain, unloading}, Turns::closing, reversal,
+                              source_ + ": tension");
   }
 
   ModeResponse shear() {

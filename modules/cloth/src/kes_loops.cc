@@ -271,10 +271,10 @@ KesLoops run_kes_tests(const Specimens& specimens, const TestPlan& plan) {
 
 Specimen material_point(const ModeResponse& response) {
   return [response, before = 0.0, slider = 0.0](double e) mutable {
-    const double threshold = response.friction.value(std::abs(e));
-    slider = std::clamp(slider + response.slider_stiffness() * (e - before), -threshold, threshold);
+    slider = std::clamp(slider + (e - before) / response.reversal, -1.0, 1.0);
     before = e;
-    return std::copysign(response.elastic.value(std::abs(e)), e) + slider;
+    return std::copysign(response.elastic.value(std::abs(e)), e) +
+           response.friction.value(std::abs(e)) * slider;
   };
 }
 

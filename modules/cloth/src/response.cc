@@ -90,23 +90,22 @@ LawPoint interlaced_response(double bending_n_m, double stretch_n_m, double leng
 LawPoint Dissipation::evaluate(double deformation) const {
   const double rate = deformation - previous;
   LawPoint out{0.5 * damping * rate * rate, damping * rate, damping};
-  if (slider_stiffness <= 0.0) return out;
+  if (threshold <= 0.0) return out;
   const double stretch = deformation - anchor;
-  const double pull = slider_stiffness * stretch;
-  if (std::abs(pull) <= threshold) {
-    out.energy += 0.5 * pull * stretch;
-    out.force += pull;
-    out.stiffness += slider_stiffness;
+  if (std::abs(stretch) <= reach) {
+    const double stiffness = threshold / reach;
+    out.energy += 0.5 * stiffness * stretch * stretch;
+    out.force += stiffness * stretch;
+    out.stiffness += stiffness;
   } else {
-    out.energy += threshold * (std::abs(stretch) - 0.5 * threshold / slider_stiffness);
-    out.force += std::copysign(threshold, pull);
+    out.energy += threshold * (std::abs(stretch) - 0.5 * reach);
+    out.force += std::copysign(threshold, stretch);
   }
   return out;
 }
 
 double Dissipation::slipped_anchor(double deformation) const {
-  if (slider_stiffness <= 0.0) return deformation;
-  const double reach = threshold / slider_stiffness;
+  if (reach <= 0.0) return deformation;
   return std::clamp(anchor, deformation - reach, deformation + reach);
 }
 

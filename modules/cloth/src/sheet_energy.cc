@@ -345,7 +345,7 @@ void SheetEnergy::begin_step(const Points& positions_m, const SheetMemory& memor
     // Yarns that are pushed together buckle and do not rub: friction is measured in tension.
     const double size = yarn ? std::max(0.0, lossy.previous) : std::abs(lossy.previous);
     if (model_.internal_friction == InternalFriction::incremental) {
-      lossy.slider_stiffness = mode.slider_stiffness();
+      lossy.reach = mode.reversal;
       lossy.threshold = mode.friction.value(size);
     }
     if (std::isfinite(step_s)) {

@@ -24,7 +24,7 @@ constexpr int halvings_to_insist = 3, insistence = 10;
 /// Contact forces are sized for cloth that lies. Where it hits something at speed, or a corner
 /// holds much of it, they may stop it only at gaps too small to compute with. So they grow where a
 /// gap is below this fraction of its reach, and where steps fail.
-constexpr double barrier_growth = 2.0, largest_barrier_factor = 4096.0, small_gap = 0.02;
+constexpr double barrier_growth = 4.0, largest_barrier_factor = 4096.0, small_gap = 0.05;
 
 /// Of the refined shape and the flat start: how much of the latter is tried, one after the other,
 /// where the refined shape crosses something.
@@ -546,11 +546,12 @@ std::uint64_t simulation_key(const ClothScene& scene, const SimulationOptions& o
   for (const double value :
        {static_cast<double>(options.method), options.spacing_m,
         static_cast<double>(options.step.scheme), options.step.linear_tolerance,
-        options.step.tolerance, static_cast<double>(options.step.most_newton_iterations),
-        options.longest_step_s, options.smallest_step_s, options.strain_limit,
-        options.frames_per_second, options.rest.tolerance, options.rest.first_step_s,
-        options.rest.longest_step_s, options.rest.linear_tolerance,
-        static_cast<double>(options.rest.most_newton_iterations), options.coarsest_spacing_m}) {
+        options.step.tolerance, options.step.motion_tolerance,
+        static_cast<double>(options.step.most_newton_iterations), options.longest_step_s,
+        options.smallest_step_s, options.strain_limit, options.frames_per_second,
+        options.rest.tolerance, options.rest.first_step_s, options.rest.longest_step_s,
+        options.rest.linear_tolerance, static_cast<double>(options.rest.most_newton_iterations),
+        options.coarsest_spacing_m}) {
     key.add(value);
   }
   return key.sum();

@@ -48,9 +48,11 @@ struct StepOptions {
   TimeScheme scheme = TimeScheme::implicit_euler;
   std::string linear_solver = "lines";
   double linear_tolerance = 0.1;
-  /// A step is solved when the forces that are left are below this fraction of the weight (both
-  /// root sums of squares over the vertices).
+  /// A step is solved when the forces that are left are below this fraction of the weight, or below
+  /// that fraction of the forces that accelerate the cloth (all root sums of squares over the
+  /// vertices).
   double tolerance = 1e-3;
+  double motion_tolerance = 0.05;
   int most_newton_iterations = 30;
   HessianKind hessian = HessianKind::convex;
 };
@@ -103,8 +105,10 @@ class ClothSystem {
  private:
   struct Step;
   StepReport step_explicitly(ClothState& state, double step_s);
+  void predict(const Step& step, Points& x);
   StepReport solve(Step& step, Points& x);
   StepReport solve_among_moving(Step& step, double end_s, Points& x);
+  double accelerating_force(const Step& step, const Points& x) const;
   double value(const Step& step, const Points& x);
   double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
 

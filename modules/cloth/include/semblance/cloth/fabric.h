@@ -12,12 +12,13 @@ namespace semblance {
 
 /// How a fabric answers one mode of deformation e, elastically and with friction between its yarns:
 ///
-///     force = sign(e) elastic(|e|) + q + viscosity_s * d/dt (sign(e) elastic(|e|))
-///     q <- clamp(q + k de, -friction(|e|), +friction(|e|)),   k = max(friction) / reversal
+///     force = sign(e) elastic(|e|) + friction(|e|) s + viscosity_s * d/dt (sign(e) elastic(|e|))
+///     s <- clamp(s + de / reversal, -1, 1)
 ///
-/// q is the force of an elasto-plastic slider. Far from a turn it rests on its threshold, so the
-/// loading curve is elastic + friction and the unloading curve elastic - friction. From rest it
-/// slides after `reversal` at most, and twice that turns it round.
+/// s is an elasto-plastic slider. Far from a turn it is at +-1, so the loading curve is elastic +
+/// friction and the unloading curve elastic - friction. From rest it slides after `reversal`, and
+/// twice that turns it round, however small the force is: yarns that are hardly pressed together
+/// grip no harder than their friction lets them.
 ///
 ///     mode     deformation           force
 ///     tension  strain                per width, N/m
@@ -32,13 +33,11 @@ struct ModeResponse {
   double reversal = 1.0;     ///< the slider's travel, in units of the deformation; positive
   double viscosity_s = 0.0;  ///< the part of Rayleigh's damping that goes with the stiffness
 
-  /// The slider's stiffness k, force per deformation.
-  double slider_stiffness() const { return friction.largest_value() / reversal; }
   bool operator==(const ModeResponse&) const = default;
 };
 
-/// The force along the loading curve from rest, elastic + min(k e, friction(e)), as an elastic
-/// curve: what the mode answers while its deformation only grows.
+/// The force along the loading curve from rest, elastic + friction min(1, e / reversal), as an
+/// elastic curve: what the mode answers while its deformation only grows.
 Curve loading_curve(const ModeResponse& mode);
 
 /// Part of the measured range that the slider travels where nothing else is known.
@@ -51,7 +50,8 @@ ModeResponse linear_response(double stiffness, double end, double friction = 0.0
 
 /// What a measured loop shows where it begins and turns.
 enum class Turns {
-  /// The branches meet gently, as in tension: their distance is the threshold everywhere.
+  /// The branches meet at 0 and at the end, as in tension: their distance tells the friction even
+  /// where the slider is under way.
   closing,
   /// The slider is under way, as in shear and bending: within `reversal` of 0 on the loading curve,
   /// and twice that of the end on the unloading curve, points do not show the threshold. They are

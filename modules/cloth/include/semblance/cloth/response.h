@@ -34,12 +34,12 @@ LawPoint tension_response(const Curve& elastic, CompressionLaw law, double buckl
 /// `stretch_n_m`; longer, a linear spring of that slope.
 LawPoint interlaced_response(double bending_n_m, double stretch_n_m, double length_m, double y);
 
-/// Internal friction and viscosity over one step. Friction is a slider: a spring of stiffness k
-/// from `anchor` that slips at `threshold` (the loop's half width); over the step its potential is
-/// Huber's. Viscosity is `damping` (deformation - previous)^2 / 2.
+/// Internal friction and viscosity over one step. Friction is a slider: a spring from `anchor` that
+/// slips where it is stretched by `reach` and then pulls with `threshold` (the loop's half width);
+/// over the step its potential is Huber's. Viscosity is `damping` (deformation - previous)^2 / 2.
 struct Dissipation {
-  double slider_stiffness = 0.0;
   double threshold = 0.0;
+  double reach = 0.0;
   double anchor = 0.0;
   double damping = 0.0;
   double previous = 0.0;
