@@ -164,15 +164,15 @@ double ClothSystem::value(const Step& step, const Points& x) {
   return value;
 }
 
-/// Root sum of squares over the vertices, N.
-double ClothSystem::accelerating_force(const Step& step, const Points& x) const {
+/// sum m |dv|^2 with dv the change of velocity, J.
+double ClothSystem::change_of_motion(const Step& step, const Points& x) const {
   if (options_.scheme == TimeScheme::quasistatic) return 0.0;
   double sum = 0.0;
   for (Eigen::Index v = 0; v < x.rows(); ++v) {
     if (assembly_.is_fixed(static_cast<int>(v))) continue;
-    sum += masses_kg_[v] * masses_kg_[v] * (x.row(v) - step.inertial.row(v)).squaredNorm();
+    sum += masses_kg_[v] * (x.row(v) - step.inertial.row(v)).squaredNorm();
   }
-  return step.inertia * std::sqrt(sum);
+  return step.inertia * sum;
 }
 
 /// Goes on towards where the cloth would be without forces, as far as contacts let it and if that
@@ -204,9 +204,7 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
   for (;;) {
     current = derivatives(step, x, gradient, &matrix_);
     report.residual = gradient.norm() / weight;
-    const double enough = std::max(
-        options_.tolerance, options_.motion_tolerance * accelerating_force(step, x) / weight);
-    if (report.residual <= enough) {
+    if (report.residual <= options_.tolerance) {
       report.solved = true;
       return report;
     }
@@ -223,6 +221,8 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
     direction = p.topRows<3>().transpose();
     const double slope = gradient.cwiseProduct(direction).sum();
     if (!(slope < 0.0)) return report;
+    // p'Hp = -slope, and H is at least that of the kinetic energy.
+    const bool last = -slope <= std::pow(options_.motion_tolerance, 2) * change_of_motion(step, x);
     // Near the minimum energies cannot tell better from worse.
     const double rounding = 1e-13 * std::abs(current);
     double fraction = 1.0;
@@ -245,6 +245,10 @@ StepReport ClothSystem::solve(Step& step, Points& x) {
       }
     }
     x.swap(trial);
+    if (last && fraction == 1.0) {
+      report.solved = true;
+      return report;
+    }
   }
 }
 

@@ -48,11 +48,12 @@ struct StepOptions {
   TimeScheme scheme = TimeScheme::implicit_euler;
   std::string linear_solver = "lines";
   double linear_tolerance = 0.1;
-  /// A step is solved when the forces that are left are below this fraction of the weight, or below
-  /// that fraction of the forces that accelerate the cloth (all root sums of squares over the
-  /// vertices).
+  /// A step is solved when the forces that are left are below this fraction of the weight (both
+  /// root sums of squares over the vertices) ...
   double tolerance = 1e-3;
-  double motion_tolerance = 0.05;
+  /// ... or when what Newton's method still changes is, in the norm of the kinetic energy, below
+  /// this fraction of the change of velocity in the step.
+  double motion_tolerance = 0.1;
   int most_newton_iterations = 30;
   HessianKind hessian = HessianKind::convex;
 };
@@ -108,7 +109,7 @@ class ClothSystem {
   void predict(const Step& step, Points& x);
   StepReport solve(Step& step, Points& x);
   StepReport solve_among_moving(Step& step, double end_s, Points& x);
-  double accelerating_force(const Step& step, const Points& x) const;
+  double change_of_motion(const Step& step, const Points& x) const;
   double value(const Step& step, const Points& x);
   double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
 
