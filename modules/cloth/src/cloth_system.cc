@@ -69,6 +69,7 @@ struct ClothSystem::Step {
   double inertia = 0.0;    // 1 / h^2
   double drag = 0.0;       // a / h
   Points inertial, still;  // y and c
+  Points kept;             // how much further it goes if accelerations stay as they were
   FrictionStep friction;
 };
 
@@ -179,7 +180,7 @@ double ClothSystem::change_of_motion(const Step& step, const Points& x) const {
 /// is better than to stand still: what slides goes on to slide, which saves finding that out.
 void ClothSystem::predict(const Step& step, Points& x) {
   const double before = value(step, x);
-  const Points way = step.inertial - x;
+  const Points way = step.inertial - x + step.kept;
   Points ahead;
   {
     const Stopwatch watch(timing_.contact_s);
@@ -334,7 +335,13 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, loss_step_s,
                                law_, state.friction);
   Points x = state.positions_m;
-  if (!still) predict(step, x);
+  if (!still) {
+    step.kept = Points::Zero(x.rows(), 3);
+    if (state.previous_step_s > 0.0)
+      step.kept = step_s * step_s / state.previous_step_s *
+                  (state.velocities_m_s - state.previous_velocities_m_s);
+    predict(step, x);
+  }
   const StepReport report =
       moving_ ? solve_among_moving(step, state.time_s + step_s, x) : solve(step, x);
   state.previous_positions_m = std::move(state.positions_m);

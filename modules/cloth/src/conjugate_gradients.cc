@@ -10,19 +10,28 @@
 namespace semblance {
 namespace {
 
-constexpr int chunk_columns = 4096;
+constexpr int chunk_columns = 16384;
 constexpr int most_iterations = 2000;
 
-/// Sum over chunks in order, so the same for every number of threads.
-double dot(const BlockVector& a, const BlockVector& b) {
-  const Eigen::Index columns = a.cols(), chunks = (columns + chunk_columns - 1) / chunk_columns;
+/// Sum of body(first column, number of columns) over chunks, in their order: the same for every
+/// number of threads.
+template <class Body>
+double sum_over_chunks(Eigen::Index columns, const Body& body) {
+  const Eigen::Index chunks = (columns + chunk_columns - 1) / chunk_columns;
+  std::vector<double> sums(chunks, 0.0);
+  parallel_for(chunks, [&](std::size_t c) {
+    const Eigen::Index first = static_cast<Eigen::Index>(c) * chunk_columns;
+    sums[c] = body(first, std::min<Eigen::Index>(chunk_columns, columns - first));
+  });
   double sum = 0.0;
-  for (Eigen::Index c = 0; c < chunks; ++c) {
-    const Eigen::Index first = c * chunk_columns,
-                       n = std::min<Eigen::Index>(chunk_columns, columns - first);
-    sum += a.middleCols(first, n).cwiseProduct(b.middleCols(first, n)).sum();
-  }
+  for (const double s : sums) sum += s;
   return sum;
+}
+
+double dot(const BlockVector& a, const BlockVector& b) {
+  return sum_over_chunks(a.cols(), [&](Eigen::Index first, Eigen::Index n) {
+    return a.middleCols(first, n).cwiseProduct(b.middleCols(first, n)).sum();
+  });
 }
 
 class ConjugateGradients : public LinearSolver {
@@ -48,7 +57,7 @@ class ConjugateGradients : public LinearSolver {
       if (out.iterations == 0) {
         p_ = z_;
       } else {
-        p_ = z_ + (next_rho / rho) * p_;
+        turn(next_rho / rho);
       }
       rho = next_rho;
       matrix_->multiply(p_, q_);
@@ -58,9 +67,7 @@ class ConjugateGradients : public LinearSolver {
         break;
       }
       const double alpha = rho / curvature;
-      x += alpha * p_;
-      r_ -= alpha * q_;
-      residual = std::sqrt(dot(r_, r_));
+      residual = std::sqrt(advance(alpha, x));
       ++out.iterations;
       // Nash and Sofer (1990): by what the model of the energy still gains, since the residual's
       // norm hears only stiff modes.
@@ -73,6 +80,23 @@ class ConjugateGradients : public LinearSolver {
   }
 
  private:
+  /// The next direction: z + beta p.
+  void turn(double beta) {
+    sum_over_chunks(p_.cols(), [&](Eigen::Index first, Eigen::Index n) {
+      p_.middleCols(first, n) = z_.middleCols(first, n) + beta * p_.middleCols(first, n);
+      return 0.0;
+    });
+  }
+
+  /// Goes along p; the square of the residual's norm there.
+  double advance(double alpha, BlockVector& x) {
+    return sum_over_chunks(x.cols(), [&](Eigen::Index first, Eigen::Index n) {
+      x.middleCols(first, n) += alpha * p_.middleCols(first, n);
+      r_.middleCols(first, n) -= alpha * q_.middleCols(first, n);
+      return r_.middleCols(first, n).squaredNorm();
+    });
+  }
+
   std::unique_ptr<Preconditioner> preconditioner_;
   const BlockMatrix* matrix_ = nullptr;
   BlockVector r_, z_, p_, q_;

@@ -1,34 +1,33 @@
-// Exact solves along a grid's warp lines and weft lines, in turn: symmetric Gauss-Seidel by lines.
+// Exact solves along a grid's warp lines and along its weft lines, added up.
 //
 // Cloth is stiff along its yarns and weak in shear, so almost all of the matrix's stiffness, and
 // all of its bending but twist, lies in coupling along single lines. There it is block
-// pentadiagonal and is factored as L D L' without fill. Lines couple to the next two on either
-// side, so every third line may be solved at a time.
+// pentadiagonal and is factored as L D L' without fill. Factors are found in double precision, so
+// that the weak stiffness is not lost, and kept in single precision, which halves the traffic.
 #include <algorithm>
 #include <array>
 
-#include <Eigen/LU>
-
 #include "preconditioners.h"
-#include "row_product.h"
 #include "semblance/core/parallel.h"
+#include "wide.h"
 
 namespace semblance {
 namespace {
 
-constexpr int lanes = 8;
-constexpr int colours = 3;
-constexpr int chunk_slots = 1024;
+constexpr int lanes = 8;  // lines side by side
+constexpr int chunk_columns = 16384;
 // Aligned as every allocation is: the stack of code for older processors keeps no more.
 using Lane = double __attribute__((vector_size(8 * lanes), aligned(16)));
-template <int count>
+using FloatLane = float __attribute__((vector_size(4 * lanes), aligned(16)));
+template <class Type, int count>
 struct Lanes {
-  Lane lane[count];
-  Lane& operator[](int k) { return lane[k]; }
-  const Lane& operator[](int k) const { return lane[k]; }
+  Type lane[count];
+  Type& operator[](int k) { return lane[k]; }
+  const Type& operator[](int k) const { return lane[k]; }
 };
-using LaneVector = Lanes<3>;
-using Block = Lanes<9>;  // by columns
+using Block = Lanes<Lane, 9>;  // by columns
+using FloatBlock = Lanes<FloatLane, 9>;
+using FloatVector = Lanes<FloatLane, 3>;
 
 /// c -= a b'.
 [[gnu::always_inline]] inline void subtract_outer(const Block& a, const Block& b, Block& c) {
@@ -65,56 +64,35 @@ using Block = Lanes<9>;  // by columns
 }
 
 /// y -= a x.
-[[gnu::always_inline]] inline void subtract_product(const Block& a, const LaneVector& x,
-                                                    LaneVector& y) {
+[[gnu::always_inline]] inline void subtract_product(const FloatBlock& a, const FloatVector& x,
+                                                    FloatVector& y) {
   for (int row = 0; row < 3; ++row) y[row] -= a[row] * x[0] + a[3 + row] * x[1] + a[6 + row] * x[2];
 }
 
 /// y -= a' x.
-[[gnu::always_inline]] inline void subtract_transposed(const Block& a, const LaneVector& x,
-                                                       LaneVector& y) {
+[[gnu::always_inline]] inline void subtract_transposed(const FloatBlock& a, const FloatVector& x,
+                                                       FloatVector& y) {
   for (int row = 0; row < 3; ++row) {
     y[row] -= a[3 * row] * x[0] + a[3 * row + 1] * x[1] + a[3 * row + 2] * x[2];
   }
 }
 
+/// D^-1 and L's blocks in one row.
+template <class Type>
 struct Factor {
-  Block inverse_pivot, one_back, two_back;  // D^-1 and L's blocks in one row
+  Type inverse_pivot, one_back, two_back;
 };
-
-/// A vertex, and where its first coordinate is among the lanes; the others follow `lanes` apart.
-struct Slot {
-  int vertex;
-  int target;
-};
-
-/// What the vertices of some slots still miss, into the lanes. In the order of vertices, so that
-/// the matrix streams.
-SEMBLANCE_WIDE void gather_residuals(const BlockMatrix& a, const Slot* slots, int count,
-                                     const double* r, const double* z, double* y) {
-  const int* begin = a.pattern->begin.data();
-  const int* column = a.pattern->column.data();
-  for (int k = 0; k < count; ++k) {
-    // Every third row of the matrix: the processor does not guess that.
-    const int ahead = slots[std::min(k + 3, count - 1)].vertex;
-    const char* next = reinterpret_cast<const char*>(a.blocks[begin[ahead]].data());
-    const char* end = reinterpret_cast<const char*>(a.blocks[begin[ahead + 1] - 1].data());
-    for (; next < end; next += 64) __builtin_prefetch(next);
-    const int v = slots[k].vertex;
-    const Double4 d =
-        load4(r + 4 * static_cast<std::ptrdiff_t>(v)) - row_product(a, begin, column, z, v);
-    for (int c = 0; c < 3; ++c) y[slots[k].target + c * lanes] = d[c];
-  }
-}
+using DoubleFactor = Factor<Block>;
+using FloatFactor = Factor<FloatBlock>;
 
 /// Solves along lines side by side, in place.
-SEMBLANCE_WIDE void solve_lines(const Factor* rows, int length, LaneVector* y) {
+SEMBLANCE_WIDE void solve_lines(const FloatFactor* rows, int length, FloatVector* y) {
   for (int i = 0; i < length; ++i) {
     if (i > 0) subtract_product(rows[i].one_back, y[i - 1], y[i]);
     if (i > 1) subtract_product(rows[i].two_back, y[i - 2], y[i]);
   }
   for (int i = length - 1; i >= 0; --i) {
-    LaneVector scaled{};
+    FloatVector scaled{};
     subtract_product(rows[i].inverse_pivot, y[i], scaled);
     for (int c = 0; c < 3; ++c) y[i][c] = -scaled[c];
     if (i + 1 < length) subtract_transposed(rows[i + 1].one_back, y[i + 1], y[i]);
@@ -124,7 +102,7 @@ SEMBLANCE_WIDE void solve_lines(const Factor* rows, int length, LaneVector* y) {
 
 /// One row of the factorisation: blocks are A's on entry, D^-1 and L's on return. `pivot` and
 /// `one_up` are the inverse pivots one and two rows back and L's block one row up.
-SEMBLANCE_WIDE void factor_row(Factor& row, Block (&pivot)[2], Block& one_up) {
+SEMBLANCE_WIDE void factor_row(DoubleFactor& row, Block (&pivot)[2], Block& one_up) {
   // A(i, i-1) loses L(i, i-2) D(i-2) L(i-1, i-2)', and L(i, i-2) D(i-2) is A(i, i-2).
   const Block two = row.two_back;
   row.two_back = multiply(two, pivot[1]);
@@ -139,7 +117,13 @@ SEMBLANCE_WIDE void factor_row(Factor& row, Block (&pivot)[2], Block& one_up) {
   one_up = row.one_back;
 }
 
-/// All lines of one direction: `length` places each, `lanes` lines of one colour side by side.
+FloatBlock rounded(const Block& block) {
+  FloatBlock out;
+  for (int k = 0; k < 9; ++k) out[k] = __builtin_convertvector(block[k], FloatLane);
+  return out;
+}
+
+/// All lines of one direction: `length` places each, `lanes` lines side by side in a pack.
 class LineSolver {
  public:
   LineSolver(const SheetGrid& grid, bool along_warp)
@@ -147,70 +131,61 @@ class LineSolver {
         along_warp_(along_warp),
         length_(along_warp ? grid.columns : grid.rows),
         count_(along_warp ? grid.rows : grid.columns) {
-    factors_.resize(static_cast<std::size_t>(colours) * packs_per_colour() * length_);
-    lanes_.resize(static_cast<std::size_t>(packs_per_colour()) * length_);
+    factors_.resize(static_cast<std::size_t>(packs()) * length_);
   }
 
-  void prepare(const BlockMatrix& matrix) {
-    if (place_.empty()) {
-      find_places(matrix);
-      find_slots(matrix);
-    }
+  int packs() const { return (count_ + lanes - 1) / lanes; }
+
+  void attach(const BlockMatrix& matrix) {
     matrix_ = &matrix;
-    parallel_for(colours * packs_per_colour(),
-                 [&](std::size_t pack) { factor(static_cast<int>(pack)); });
+    if (place_.empty()) find_places();
   }
 
-  /// Adds to z what the lines of a colour need to meet r, with all others held.
-  void correct(int colour, const BlockVector& r, BlockVector& z) {
-    const std::vector<Slot>& slots = slots_[colour];
-    double* y = reinterpret_cast<double*>(lanes_.data());
-    const int count = static_cast<int>(slots.size()),
-              chunks = (count + chunk_slots - 1) / chunk_slots;
-    parallel_for(chunks, [&](std::size_t c) {
-      const int first = static_cast<int>(c) * chunk_slots;
-      gather_residuals(*matrix_, slots.data() + first, std::min(chunk_slots, count - first),
-                       r.data(), z.data(), y);
-    });
-    const auto solve = [&](std::size_t k) {
-      const std::size_t pack = colour * packs_per_colour() + k;
-      solve_lines(factors_.data() + pack * length_, length_, lanes_.data() + k * length_);
-    };
-    // Below one chunk waking other threads takes longer than the work.
-    if (chunks == 1) {
-      for (int k = 0; k < packs_per_colour(); ++k) solve(k);
-    } else {
-      parallel_for(packs_per_colour(), solve);
+  void factor(int pack) {
+    FloatFactor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
+    DoubleFactor row;
+    Block pivot[2] = {}, one_up = {};
+    for (int i = 0; i < length_; ++i) {
+      load_diagonal(pack, i, row.inverse_pivot);
+      load(pack, i, 1, row.one_back);
+      load(pack, i, 2, row.two_back);
+      factor_row(row, pivot, one_up);
+      rows[i] = {rounded(row.inverse_pivot), rounded(row.one_back), rounded(row.two_back)};
     }
-    parallel_for(chunks, [&](std::size_t c) {
-      const int end = std::min(count, (static_cast<int>(c) + 1) * chunk_slots);
-      for (int k = static_cast<int>(c) * chunk_slots; k < end; ++k) {
-        for (int i = 0; i < 3; ++i) z(i, slots[k].vertex) += y[slots[k].target + i * lanes];
+  }
+
+  /// Sets z on a pack's lines to what solves them for r.
+  void solve(int pack, const BlockVector& r, Eigen::Matrix4Xf& z) const {
+    thread_local std::vector<FloatVector> y;
+    y.resize(length_);
+    const int used = std::min(lanes, count_ - pack * lanes);
+    for (int i = 0; i < length_; ++i) {
+      y[i] = {};
+      for (int lane = 0; lane < used; ++lane) {
+        const int v = vertex(pack * lanes + lane, i);
+        for (int c = 0; c < 3; ++c) y[i][c][lane] = static_cast<float>(r(c, v));
       }
-    });
+    }
+    solve_lines(factors_.data() + static_cast<std::size_t>(pack) * length_, length_, y.data());
+    for (int i = 0; i < length_; ++i) {
+      for (int lane = 0; lane < used; ++lane) {
+        const int v = vertex(pack * lanes + lane, i);
+        for (int c = 0; c < 3; ++c) z(c, v) = y[i][c][lane];
+      }
+    }
   }
 
  private:
-  int lines_per_colour() const { return (count_ + colours - 1) / colours; }
-  int packs_per_colour() const { return (lines_per_colour() + lanes - 1) / lanes; }
-
-  /// The line in a lane of a pack, or -1 for an idle lane.
-  int line(int pack, int lane) const {
-    const int within = pack % packs_per_colour() * lanes + lane;
-    const int out = within * colours + pack / packs_per_colour();
-    return within < lines_per_colour() && out < count_ ? out : -1;
-  }
-
   int vertex(int line, int place) const {
     return along_warp_ ? grid_.vertex(place, line) : grid_.vertex(line, place);
   }
 
   /// Indices of the blocks one and two back, or -1, so that preparing does not search. Fixed
   /// vertices are cut off from their lines.
-  void find_places(const BlockMatrix& matrix) {
+  void find_places() {
     const auto find = [&](int a, int b) {
-      if (!matrix.fixed.empty() && (matrix.fixed[a] || matrix.fixed[b])) return -1;
-      return matrix.pattern->find(a, b);
+      if (!matrix_->fixed.empty() && (matrix_->fixed[a] || matrix_->fixed[b])) return -1;
+      return matrix_->pattern->find(a, b);
     };
     place_.resize(static_cast<std::size_t>(count_) * length_);
     for (int at = 0; at < count_; ++at) {
@@ -222,27 +197,10 @@ class LineSolver {
     }
   }
 
-  void find_slots(const BlockMatrix& matrix) {
-    for (int pack = 0; pack < colours * packs_per_colour(); ++pack) {
-      for (int i = 0; i < length_; ++i) {
-        for (int lane = 0; lane < lanes; ++lane) {
-          const int at = line(pack, lane);
-          if (at < 0 || (!matrix.fixed.empty() && matrix.fixed[vertex(at, i)])) continue;
-          const int place = pack % packs_per_colour() * length_ + i;
-          slots_[pack / packs_per_colour()].push_back({vertex(at, i), 3 * lanes * place + lane});
-        }
-      }
-    }
-    for (std::vector<Slot>& slots : slots_) {
-      std::sort(slots.begin(), slots.end(),
-                [](const Slot& a, const Slot& b) { return a.vertex < b.vertex; });
-    }
-  }
-
   void load(int pack, int i, int back, Block& out) const {
     for (int lane = 0; lane < lanes; ++lane) {
-      const int at = line(pack, lane);
-      const int k = at < 0 ? -1 : place_[static_cast<std::size_t>(at) * length_ + i][back - 1];
+      const int at = pack * lanes + lane;
+      const int k = at < count_ ? place_[static_cast<std::size_t>(at) * length_ + i][back - 1] : -1;
       for (int c = 0; c < 3; ++c) {
         for (int r = 0; r < 3; ++r) {
           out[3 * c + r][lane] = k < 0 ? 0.0 : matrix_->blocks[k][4 * c + r];
@@ -255,20 +213,9 @@ class LineSolver {
     constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
     constexpr std::array<double, 6> idle{1, 0, 0, 1, 0, 1};
     for (int lane = 0; lane < lanes; ++lane) {
-      const int at = line(pack, lane);
-      const auto& d = at < 0 ? idle : matrix_->diagonal[vertex(at, i)];
+      const int at = pack * lanes + lane;
+      const auto& d = at < count_ ? matrix_->diagonal[vertex(at, i)] : idle;
       for (int k = 0; k < 9; ++k) out[k][lane] = d[place[k]];
-    }
-  }
-
-  void factor(int pack) {
-    Factor* rows = factors_.data() + static_cast<std::size_t>(pack) * length_;
-    Block pivot[2] = {}, one_up = {};
-    for (int i = 0; i < length_; ++i) {
-      load_diagonal(pack, i, rows[i].inverse_pivot);
-      load(pack, i, 1, rows[i].one_back);
-      load(pack, i, 2, rows[i].two_back);
-      factor_row(rows[i], pivot, one_up);
     }
   }
 
@@ -277,32 +224,48 @@ class LineSolver {
   int length_, count_;
   const BlockMatrix* matrix_ = nullptr;
   std::vector<std::array<int, 2>> place_;
-  std::vector<Factor> factors_;
-  std::array<std::vector<Slot>, colours> slots_;
-  std::vector<LaneVector> lanes_;  // of one colour; zero in idle lanes
+  std::vector<FloatFactor> factors_;
 };
 
-/// Warp lines forwards, weft lines there and back, warp lines backwards: symmetric, and positive
-/// whatever the coupling across lines.
+/// The sum of both directions' solutions: symmetric and positive as each of them is.
 class Lines : public Preconditioner {
  public:
   explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false) {}
 
   void prepare(const BlockMatrix& matrix) override {
-    warp_.prepare(matrix);
-    weft_.prepare(matrix);
+    warp_.attach(matrix);
+    weft_.attach(matrix);
+    each_pack([](LineSolver& lines, int pack, Eigen::Matrix4Xf&) { lines.factor(pack); });
   }
 
   void apply(const BlockVector& r, BlockVector& z) override {
-    z.setZero(4, r.cols());
-    for (int c = 0; c < colours; ++c) warp_.correct(c, r, z);
-    for (int c = 0; c < colours; ++c) weft_.correct(c, r, z);
-    for (int c = colours - 2; c >= 0; --c) weft_.correct(c, r, z);
-    for (int c = colours - 1; c >= 0; --c) warp_.correct(c, r, z);
+    for (Eigen::Matrix4Xf* part : {&along_warp_, &along_weft_}) {
+      if (part->cols() != r.cols()) part->setZero(4, r.cols());
+    }
+    each_pack(
+        [&](LineSolver& lines, int pack, Eigen::Matrix4Xf& part) { lines.solve(pack, r, part); });
+    z.resize(4, r.cols());
+    const Eigen::Index chunks = (r.cols() + chunk_columns - 1) / chunk_columns;
+    parallel_for(chunks, [&](std::size_t c) {
+      const Eigen::Index first = static_cast<Eigen::Index>(c) * chunk_columns,
+                         n = std::min<Eigen::Index>(chunk_columns, r.cols() - first);
+      z.middleCols(first, n) =
+          (along_warp_.middleCols(first, n) + along_weft_.middleCols(first, n)).cast<double>();
+    });
   }
 
  private:
+  template <class Body>
+  void each_pack(const Body& body) {
+    const int first = warp_.packs();
+    parallel_for(first + weft_.packs(), [&](std::size_t k) {
+      const int pack = static_cast<int>(k);
+      pack < first ? body(warp_, pack, along_warp_) : body(weft_, pack - first, along_weft_);
+    });
+  }
+
   LineSolver warp_, weft_;
+  Eigen::Matrix4Xf along_warp_, along_weft_;
 };
 
 }  // namespace

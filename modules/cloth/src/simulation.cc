@@ -23,8 +23,13 @@ constexpr int halvings_to_insist = 3, insistence = 10;
 
 /// Contact forces are sized for cloth that lies. Where it hits something at speed, or a corner
 /// holds much of it, they may stop it only at gaps too small to compute with. So they grow where a
-/// gap is below this fraction of its reach, and where steps fail.
-constexpr double barrier_growth = 4.0, largest_barrier_factor = 4096.0, small_gap = 0.05;
+/// gap is below a fraction of its reach, and where steps fail: more for hits than on the way to
+/// rest.
+struct Strengthening {
+  double small_gap, growth;
+};
+constexpr Strengthening for_hits{0.05, 4.0}, for_rest{0.02, 2.0};
+constexpr double largest_barrier_factor = 4096.0;
 
 /// Of the refined shape and the flat start: how much of the latter is tried, one after the other,
 /// where the refined shape crosses something.
@@ -176,7 +181,7 @@ class Run {
   bool try_step(double step_s, StepReport& report);
   double slice() const;
   double smallest_gap();
-  void strengthen_contact();
+  void strengthen_contact(const Strengthening& how);
   void settle_level();
 
   void record(const StepReport& report, double step_s, double residual);
@@ -371,13 +376,13 @@ void Run::advance() {
         now_.pace.step_s = std::min(options_.longest_step_s, 2.0 * now_.pace.step_s);
       }
       record(report, step_s, system_->rest_residual(now_.state));
-      if (smallest_gap() < small_gap) strengthen_contact();
+      if (smallest_gap() < for_hits.small_gap) strengthen_contact(for_hits);
       break;
     }
     now_.state = before;
     system_->contacts().update(before.positions_m, before.time_s);
     ++now_.rejected_steps;
-    if (!report.solved && halvings + 1 >= halvings_to_insist) strengthen_contact();
+    if (!report.solved && halvings + 1 >= halvings_to_insist) strengthen_contact(for_hits);
     now_.easy_steps = 0;
     now_.pace.step_s = 0.5 * step_s;
     if (now_.pace.step_s < options_.smallest_step_s) {
@@ -404,10 +409,10 @@ double Run::smallest_gap() {
   return smallest;
 }
 
-void Run::strengthen_contact() {
+void Run::strengthen_contact(const Strengthening& how) {
   if (now_.barrier_factor >= largest_barrier_factor) return;
-  now_.barrier_factor *= barrier_growth;
-  system_->contact_law().barrier_pa *= barrier_growth;
+  now_.barrier_factor *= how.growth;
+  system_->contact_law().barrier_pa *= how.growth;
 }
 
 bool Run::try_step(double step_s, StepReport& report) {
@@ -435,7 +440,7 @@ void Run::settle_level() {
     now_.pace = pace;
     record(step, step_s, report.residual);
     level().residual = report.residual;
-    if (!report.at_rest && smallest_gap() < small_gap) strengthen_contact();
+    if (!report.at_rest && smallest_gap() < for_rest.small_gap) strengthen_contact(for_rest);
     if (options_.method == SimulationMethod::quasistatic) write_frame();
     save_if_due();
   };

@@ -47,13 +47,13 @@ enum class TimeScheme {
 struct StepOptions {
   TimeScheme scheme = TimeScheme::implicit_euler;
   std::string linear_solver = "lines";
-  double linear_tolerance = 0.1;
+  double linear_tolerance = 0.3;
   /// A step is solved when the forces that are left are below this fraction of the weight (both
   /// root sums of squares over the vertices) ...
   double tolerance = 1e-3;
   /// ... or when what Newton's method still changes is, in the norm of the kinetic energy, below
   /// this fraction of the change of velocity in the step.
-  double motion_tolerance = 0.1;
+  double motion_tolerance = 0.2;
   int most_newton_iterations = 30;
   HessianKind hessian = HessianKind::convex;
 };

@@ -33,7 +33,7 @@ struct RestOptions {
   int most_steps = 2000;
   /// StepOptions of every step: on the way to rest rough solutions serve, and steps need not be
   /// solved.
-  double linear_tolerance = 0.5;
+  double linear_tolerance = 0.1;
   int most_newton_iterations = 40;
   /// Goes on with this pace, where an earlier call was interrupted.
   std::optional<RestPace> pace;
