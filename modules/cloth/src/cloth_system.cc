@@ -335,7 +335,7 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, loss_step_s,
                                law_, state.friction);
   Points x = state.positions_m;
-  if (!still) {
+  if (!still && !moving_) {
     step.kept = Points::Zero(x.rows(), 3);
     if (state.previous_step_s > 0.0)
       step.kept = step_s * step_s / state.previous_step_s *

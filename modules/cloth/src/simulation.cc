@@ -364,6 +364,13 @@ double Run::slice() const {
 
 void Run::advance() {
   const ClothState before = now_.state;
+  // Where rest is near, what is left of forces counts and not what they would still move, and must
+  // not shake the cloth.
+  const bool nearly_still =
+      !now_.rows.empty() && now_.rows.back().speed_m_s < 100.0 * options_.rest_speed_m_s;
+  system_->options().motion_tolerance = nearly_still ? 0.0 : options_.step.motion_tolerance;
+  system_->options().tolerance =
+      nearly_still ? 0.2 * options_.rest_residual : options_.step.tolerance;
   for (int halvings = 0;; ++halvings) {
     const double step_s = slice();
     StepReport report;
