@@ -206,11 +206,16 @@ class TriangleRows {
 
   /// Second derivatives (uu, vv, uv) of the quadratic through a triangle and the vertices across
   /// its edges. Where a border leaves fewer than six vertices it is the one of least curvature,
-  /// which is the natural condition there. On a split grid these are the grid's own differences.
+  /// which is the natural condition there. Across the edge of a clamp the quadratic has the clamp's
+  /// slope in the edge's middle: all of the turn happens on the free side. On a split grid these
+  /// are the grid's own differences.
   void patch(StrainKind kind, int t, double area, int which) {
     std::vector<int> vertices(sheet_.triangles.row(t).begin(), sheet_.triangles.row(t).end());
-    for (const int v : opposite_[t]) {
-      if (v >= 0) vertices.push_back(v);
+    std::vector<int> across;  // the corner that each further vertex lies opposite to
+    for (int k = 0; k < 3; ++k) {
+      if (opposite_[t][k] < 0) continue;
+      vertices.push_back(opposite_[t][k]);
+      across.push_back(k);
     }
     const Eigen::Vector2d a = sheet_.material_m.row(vertices[0]);
     const Eigen::Matrix2d slope = edges(t).inverse();
@@ -234,6 +239,20 @@ class TriangleRows {
       heights(k, 3 + k) = 1.0;
       shapes.row(k) = (quadratic(p) - s[0] * quadratic(e.col(0)) - s[1] * quadratic(e.col(1))) /
                       (scale * scale);
+      const int first = vertices[(across[k] + 1) % 3], second = vertices[(across[k] + 2) % 3];
+      if (!is_fixed(fixed_, vertices[3 + k]) || !is_fixed(fixed_, first) ||
+          !is_fixed(fixed_, second))
+        continue;
+      // The height is the way from the edge to the vertex times the change of slope at the edge.
+      const Eigen::Vector2d from = sheet_.material_m.row(first).transpose() - a;
+      const Eigen::Vector2d to = sheet_.material_m.row(second).transpose() - a;
+      const Eigen::Vector2d along = (to - from).normalized(), m = 0.5 * (from + to);
+      const Eigen::Vector2d way = p - from - along * along.dot(p - from);
+      const Eigen::Vector2d r = slope * way;
+      shapes.row(k) =
+          (Eigen::RowVector3d(m.x() * way.x(), m.y() * way.y(), m.x() * way.y() + m.y() * way.x()) -
+           r[0] * quadratic(e.col(0)) - r[1] * quadratic(e.col(1))) /
+          (scale * scale);
     }
     // Twist counts twice in the norm of the second derivatives.
     shapes.col(2) /= std::sqrt(2.0);
