@@ -164,6 +164,21 @@ TEST_F(SceneFile, ScalesMeshesBeforeItPlacesThem) {
       "scale");
 }
 
+/// A checkpoint must not go on among bodies that move otherwise, though they begin in the same
+/// place.
+TEST_F(SceneFile, MotionsAreOfTheRunsName) {
+  write_tetrahedron("body_0.obj", -1.0);
+  write_tetrahedron("body_1.obj", -0.8);
+  const json body = {{{"kind", "mesh_sequence"}, {"files", "body_#.obj"}, {"fps", 1}}};
+  const auto key = [&] {
+    return simulation_key(read(scene_with("obstacles", body)).make(0.1), {});
+  };
+  const std::uint64_t first = key();
+  EXPECT_EQ(key(), first);
+  write_tetrahedron("body_1.obj", -0.7);
+  EXPECT_NE(key(), first);
+}
+
 TEST_F(SceneFile, RefusesSequencesThatChangeTheirMesh) {
   write_tetrahedron("body_0.obj", 1.0);
   Mesh half = read_mesh(path("body_0.obj"));

@@ -89,9 +89,9 @@ void check_lengths(const Sheet& sheet, const Points& positions_m, const std::str
   const double ratio = length_ratio(sheet, positions_m);
   if (ratio <= longest && ratio >= 1.0 / longest) return;
   throw InvalidInput(fmt::format(
-      "{}: the sheet's sides are on the whole {:.3g} times as long in space as in its texture "
-      "coordinates; both must be in metres: multiply the texture coordinates by {:.3g}, or the "
-      "positions by {:.3g}",
+      "{}: the sheet's sides are on the whole {:.4g} times as long in space as in its texture "
+      "coordinates; both must be in metres: multiply the texture coordinates by {:.4g}, or the "
+      "positions by {:.4g}",
       path, ratio, ratio, 1.0 / ratio));
 }
 

@@ -418,10 +418,13 @@ void Run::advance() {
     now_.easy_steps = 0;
     now_.pace.step_s = 0.5 * step_s;
     if (now_.pace.step_s < options_.smallest_step_s) {
+      const bool explicitly = options_.step.scheme == TimeScheme::explicit_euler;
       throw SolverError(fmt::format(
-          "{}: no step from {:.4f} s on could be solved, down to {:g} s; a wider spacing, a larger "
-          "strain limit or a slower body may help",
-          setup_.name, before.time_s, options_.smallest_step_s));
+          "{}: no step from {:.4f} s on could be solved, down to {:g} s; {} may help", setup_.name,
+          before.time_s, options_.smallest_step_s,
+          explicitly ? "shorter steps from the start (explicit ones have a limit of stability) or "
+                       "the implicit scheme"
+                     : "a wider spacing, a larger strain limit or a slower body"));
     }
     if (!said_short_ && now_.pace.step_s < 0.1 * options_.longest_step_s) {
       said_short_ = true;
