@@ -126,6 +126,68 @@ TEST_F(SimulateCommand, GoesOnAfterAnInterrupt) {
   EXPECT_FALSE(fs::exists(path("parts/checkpoint.bin")));
 }
 
+/// A box as an OBJ file, its top at `top_m`.
+std::string box_text(double top_m) {
+  std::string out;
+  for (const double y : {top_m - 0.1, top_m}) {
+    for (const auto& [x, z] : {std::pair{-0.1, 0.1}, {0.1, 0.1}, {0.1, -0.1}, {-0.1, -0.1}}) {
+      out += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+    }
+  }
+  return out + "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+}
+
+/// A sheet held at two sides; a box comes up below it in half a second and lifts its middle.
+TEST_F(SimulateCommand, ABodyThatMovesLiftsTheCloth) {
+  for (int k = 0; k <= 5; ++k) {
+    write("box_" + std::to_string(k) + ".obj", box_text(-0.05 + 0.016 * k));
+  }
+  write("scene.json", R"({"schema": "semblance.cloth_scene/1",
+    "sheet": {"kind": "rectangle", "warp_m": 0.8, "weft_m": 0.4, "spacing_m": 0.05},
+    "fixed": [{"u_m": [0, 0]}, {"u_m": [0.8, 0.8]}],
+    "obstacles": [{"kind": "mesh_sequence", "name": "lift", "files": "box_#.obj", "fps": 10}]})");
+  expect_refused(run(path("scene.json"), "out"), "a body moves");
+  const ProgramResult result =
+      run(path("scene.json"), "out", {"--until", "0.6", "--format", "none"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_EQ(summary("out")["penetrations"], 0);
+  // Where the box ended: nothing of the cloth above it lies lower, and something rests on it.
+  const auto shape = read_mesh(path("out/rest.obj")).positions_m;
+  double lowest = 1.0;
+  for (Eigen::Index v = 0; v < shape.rows(); ++v) {
+    if (std::abs(shape(v, 0)) < 0.09 && std::abs(shape(v, 2)) < 0.09) {
+      lowest = std::min(lowest, shape(v, 1));
+    }
+  }
+  EXPECT_GT(lowest, 0.03);
+  EXPECT_LT(lowest, 0.035);
+}
+
+/// The way of a garment: over a head, down to the shoulders. The body is real, and in metres.
+TEST_F(SimulateCommand, RealDataComesDownOnABody) {
+  SEMBLANCE_NEED_DATA("cloth/garmentcode/mean_all.obj");
+  json scene = {{"schema", "semblance.cloth_scene/1"},
+                {"sheet",
+                 {{"kind", "rectangle"},
+                  {"warp_m", 0.9},
+                  {"weft_m", 0.9},
+                  {"spacing_m", 0.04},
+                  {"placement", {{"translation_m", {0, 1.7215, 0}}}}}},
+                {"obstacles",
+                 {{{"kind", "mesh"},
+                   {"name", "body"},
+                   {"file", data_path("cloth/garmentcode/mean_all.obj").string()}}}}};
+  write("scene.json", scene.dump());
+  const ProgramResult result =
+      run(path("scene.json"), "out", {"--method", "coarse-to-fine", "--format", "none"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_EQ(summary("out")["penetrations"], 0);
+  EXPECT_LT(summary("out")["max_edge_strain"].get<double>(), 0.05);
+  const auto shape = read_mesh(path("out/rest.obj")).positions_m;
+  EXPECT_GT(shape.col(1).maxCoeff(), 1.70);  // lies on the head
+  EXPECT_LT(shape.col(1).minCoeff(), 1.35);  // and hangs below the shoulders
+}
+
 TEST_F(SimulateCommand, RefusesWhatItCannotUse) {
   expect_refused(run("curtain", "out"), "presets are table, pinned, pinned-box, disc, strip");
   expect_refused(run_program({"simulate", "table", "-o", path("out")}), "--fabric");

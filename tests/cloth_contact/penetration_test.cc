@@ -75,11 +75,11 @@ TEST(Start, SaysWhatIsInTheWay) {
   EXPECT_EQ(finder.start_problem(x), std::nullopt);
   x(60, 1) = -0.002;
   EXPECT_THAT(finder.start_problem(x).value_or(""),
-              ::testing::AllOf(::testing::HasSubstr("vertex 60"), ::testing::HasSubstr("\"table\""),
+              ::testing::AllOf(::testing::HasSubstr("vertex 61"), ::testing::HasSubstr("\"table\""),
                                ::testing::HasSubstr("2.0")));
   x(60, 1) = 0.0003;
   EXPECT_THAT(finder.start_problem(x).value_or(""),
-              ::testing::AllOf(::testing::HasSubstr("vertex 60"), ::testing::HasSubstr("0.2")));
+              ::testing::AllOf(::testing::HasSubstr("vertex 61"), ::testing::HasSubstr("0.2")));
   x = sheet.rest_positions_m;
   x.col(1).array() += 0.1;
   x.row(0) << x(60, 0) + 0.002, x(60, 1) - 0.05, x(60, 2) + 0.001;

@@ -144,6 +144,50 @@ TEST_F(SceneFile, ReadsEveryKindOfBody) {
   EXPECT_NEAR(obstacle_mesh(scene.obstacles[4], 0.0).positions_m.col(0).maxCoeff(), 6.0, 1e-9);
 }
 
+/// Of files in other units: scaled about the file's own origin, then turned and moved.
+TEST_F(SceneFile, ScalesMeshesBeforeItPlacesThem) {
+  write_tetrahedron("stone_0.obj", 1.0);
+  const json bodies = {{{"kind", "mesh"},
+                        {"file", "stone_0.obj"},
+                        {"scale", 0.01},
+                        {"turn_deg", {0, 0, 180}},
+                        {"translation_m", {5, 0, 0}}},
+                       {{"kind", "mesh_sequence"}, {"files", "stone_#.obj"}, {"scale", 0.01}}};
+  const ClothScene scene = read(scene_with("obstacles", bodies)).make(0.1);
+  const Points still = obstacle_mesh(scene.obstacles[0], 0.0).positions_m;
+  EXPECT_NEAR(still(0, 0), 5.0, 1e-9);
+  EXPECT_NEAR(still(0, 1), -0.01, 1e-9);
+  EXPECT_NEAR(still(1, 0), 4.99, 1e-9);
+  EXPECT_NEAR(obstacle_mesh(scene.obstacles[1], 0.0).positions_m(0, 1), 0.01, 1e-9);
+  expect_refused(
+      scene_with("obstacles", {{{"kind", "mesh"}, {"file", "stone_0.obj"}, {"scale", 0.0}}}),
+      "scale");
+}
+
+/// A checkpoint must not go on among bodies that move otherwise, though they begin in the same
+/// place.
+TEST_F(SceneFile, MotionsAreOfTheRunsName) {
+  write_tetrahedron("body_0.obj", -1.0);
+  write_tetrahedron("body_1.obj", -0.8);
+  const json body = {{{"kind", "mesh_sequence"}, {"files", "body_#.obj"}, {"fps", 1}}};
+  const auto key = [&] {
+    return simulation_key(read(scene_with("obstacles", body)).make(0.1), {});
+  };
+  const std::uint64_t first = key();
+  EXPECT_EQ(key(), first);
+  write_tetrahedron("body_1.obj", -0.7);
+  EXPECT_NE(key(), first);
+}
+
+TEST_F(SceneFile, RefusesSequencesThatChangeTheirMesh) {
+  write_tetrahedron("body_0.obj", 1.0);
+  Mesh half = read_mesh(path("body_0.obj"));
+  half.triangles.conservativeResize(2, 3);
+  write_mesh(path("body_1.obj"), half);
+  expect_refused(scene_with("obstacles", {{{"kind", "mesh_sequence"}, {"files", "body_#.obj"}}}),
+                 "body_1.obj: its triangles are not those of the sequence's first file");
+}
+
 TEST_F(SceneFile, NamesWhatIsWrong) {
   expect_refused(json::object(), "\"semblance.cloth_scene/1\"");
   expect_refused({{"schema", "semblance.cloth_scene/1"}}, "sheet");

@@ -343,8 +343,8 @@ std::optional<std::string> ContactFinder::Impl::start_problem(const Points& x) {
     if (contact.gap_m > 0.0) continue;
     const std::string other =
         contact.obstacle < 0 ? "another part of the cloth" : obstacles_[contact.obstacle].name;
-    return "vertex " + std::to_string(contact.vertex[0]) + " of the cloth is nearer to " + other +
-           " than the thickness by " + std::to_string(-1e3 * contact.gap_m) + " mm";
+    return "vertex " + std::to_string(contact.vertex[0] + 1) + " of the cloth is nearer to " +
+           other + " than the thickness by " + std::to_string(-1e3 * contact.gap_m) + " mm";
   }
   return std::nullopt;
 }

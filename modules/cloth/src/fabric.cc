@@ -235,7 +235,8 @@ struct Range {
 };
 
 // From tissue to felt. Feng et al. (2022) found 0.030 to 0.487 kg/m2 in nine fabrics of ten.
-constexpr Range k_area_density{0.01, 3.0, "kg/m2", "is it in kg/m2?", "did you mean g/m2?"};
+constexpr Range k_area_density{0.01, 3.0, "kg/m2", "did you mean kg/m2, and wrote g/m2?",
+                               "did you mean g/m2?"};
 constexpr Range k_thickness{2e-5, 1e-2, "m", "did you mean mm, and wrote m?", "did you mean mm?"};
 constexpr Range k_friction{0.0, 2.0, "", "", "is it a coefficient (0.1 to 1)?"};
 constexpr Range k_mass_damping{0.0, 100.0, "1/s", "", "is it in 1/s?"};
@@ -249,22 +250,24 @@ struct ModeRange {
 // KES pulls with 490 N/m: knits yield by half of their length, denim by 5 %, glass by 0.2 %.
 constexpr ModeRange k_tension{
     {1e-3, 1.5, "", "is it a strain (0.05 is 5 %)?", "did you mean %?"},
-    {50.0, 1e6, "N/m", "did you mean N/cm or kN/m?", "did you mean N/m, and wrote kPa or Pa?"}};
+    {50.0, 1e6, "N/m", "did you mean N/cm or kN/m?", "did you mean N/m, and wrote mN/m or Pa?"}};
 // G of clothes is 0.2 to 5 gf/(cm deg), 11 to 280 N/m per rad.
 constexpr ModeRange k_shear{
     {0.01, 1.2, "rad", "is it in rad?", "did you mean deg?"},
     {5.0, 2e4, "N/m per rad", "did you mean gf/(cm deg), 56.19 N/m per rad?",
-     "is it in N/m per rad?"}};
+     "did you mean N/m per rad, and wrote mN/m?"}};
 // Nine fabrics of ten have 0.85 to 109 uN m (Feng et al. 2022): a hundredth and twenty times that.
-constexpr ModeRange k_bending{
-    {5.0, 5e3, "1/m", "did you mean 1/cm?", "is it in 1/m?"},
-    {1e-8, 2e-3, "N m", "is it in N m?", "did you mean gf cm2/cm (9.807e-5 N m), or uN m?"}};
+constexpr ModeRange k_bending{{5.0, 5e3, "1/m", "did you mean 1/cm?", "is it in 1/m?"},
+                              {1e-8, 2e-3, "N m", "did you mean N m, and wrote mN m?",
+                               "did you mean gf cm2/cm (9.807e-5 N m), or uN m?"}};
 
 class Validation {
  public:
   void number(const std::string& what, double value, const Range& range) {
     if (value >= range.lower && value <= range.upper) return;
-    const char* const hint = value < range.lower ? range.below : range.above;
+    const char* const hint = value < 0.0           ? "it cannot be negative: mend the sign"
+                             : value < range.lower ? range.below
+                                                   : range.above;
     problem(fmt::format("{}: {:g} is not between {:g} and {:g}{}{}{}{}", what, value, range.lower,
                         range.upper, *range.unit != 0 ? " " : "", range.unit,
                         *hint != 0 ? "; " : "", hint));

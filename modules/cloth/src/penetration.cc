@@ -253,7 +253,7 @@ std::string describe(const Penetration& first, const std::vector<PlacedObstacle>
                      std::size_t count) {
   const auto names = [](const auto& vertices) {
     std::string text;
-    for (const int v : vertices) text += (text.empty() ? "" : ", ") + std::to_string(v);
+    for (const int v : vertices) text += (text.empty() ? "" : ", ") + std::to_string(v + 1);
     return text;
   };
   const std::string name =
@@ -261,8 +261,8 @@ std::string describe(const Penetration& first, const std::vector<PlacedObstacle>
   std::string text;
   switch (first.kind) {
     case Kind::vertex_inside:
-      text = "vertex " + std::to_string(first.edge[0]) + " of the cloth is inside " + name + ", " +
-             std::to_string(1e3 * first.depth_m) + " mm deep";
+      text = "vertex " + std::to_string(first.edge[0] + 1) + " of the cloth is inside " + name +
+             ", " + std::to_string(1e3 * first.depth_m) + " mm deep";
       break;
     case Kind::cloth_edge_cloth_triangle:
       text = "the cloth crosses itself: edge (" + names(first.edge) + ") and triangle (" +

@@ -22,6 +22,7 @@ using Eigen::Vector3d;
 
 constexpr double degree = std::numbers::pi / 180.0;
 constexpr double largest_m = 1e3;
+constexpr double smallest_scale = 1e-6, largest_scale = 1e6;  // of bodies' files
 constexpr std::size_t most_obstacles = 1000;
 constexpr int most_frames = 100000;
 
@@ -58,6 +59,42 @@ Rigid3 read_place(JsonReader& in) {
   return place;
 }
 
+/// A file that the scene names.
+Mesh read_named_mesh(const fs::path& folder, const std::string& file) {
+  try {
+    return read_mesh((folder / file).string());
+  } catch (const IoError& error) {
+    throw IoError(fmt::format("{}; a scene's files are found from its own folder, {}", error.what(),
+                              folder.empty() ? "." : folder.string()));
+  }
+}
+
+/// Length of all sides in space over that in the fabric. Cloth gives little along its yarns, so
+/// that whatever shape it starts in, this is near 1.
+double length_ratio(const Sheet& sheet, const Points& positions_m) {
+  double in_space_m = 0.0, in_fabric_m = 0.0;
+  for (Eigen::Index t = 0; t < sheet.triangles.rows(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const int a = sheet.triangles(t, k), b = sheet.triangles(t, (k + 1) % 3);
+      in_space_m += (positions_m.row(a) - positions_m.row(b)).norm();
+      in_fabric_m += (sheet.material_m.row(a) - sheet.material_m.row(b)).norm();
+    }
+  }
+  return in_space_m / in_fabric_m;
+}
+
+/// Texture coordinates are mostly made for pictures, and from 0 to 1.
+void check_lengths(const Sheet& sheet, const Points& positions_m, const std::string& path) {
+  constexpr double longest = 1.25;
+  const double ratio = length_ratio(sheet, positions_m);
+  if (ratio <= longest && ratio >= 1.0 / longest) return;
+  throw InvalidInput(fmt::format(
+      "{}: the sheet's sides are on the whole {:.4g} times as long in space as in its texture "
+      "coordinates; both must be in metres: multiply the texture coordinates by {:.4g}, or the "
+      "positions by {:.4g}",
+      path, ratio, ratio, 1.0 / ratio));
+}
+
 void read_sheet(JsonReader& in, const fs::path& folder, SceneFile& scene) {
   in.text("kind", scene.kind);
   if (scene.kind == "rectangle") {
@@ -71,9 +108,10 @@ void read_sheet(JsonReader& in, const fs::path& folder, SceneFile& scene) {
     in.text("file", file);
     in.check();
     const std::string path = (folder / file).string();
-    const Mesh mesh = read_mesh(path);
+    const Mesh mesh = read_named_mesh(folder, file);
     scene.sheet = std::make_shared<Sheet>(make_sheet(mesh, path));
     scene.sheet_m = mesh.positions_m;
+    check_lengths(*scene.sheet, scene.sheet_m, path);
   } else {
     in.fail("kind", "rectangle, disc or mesh");
   }
@@ -115,9 +153,10 @@ std::string sequence_name(const std::string& pattern, int number) {
 Obstacle read_sequence(JsonReader& in, const std::string& name, const fs::path& folder) {
   std::string pattern;
   int first = 0;
-  double fps = 25.0;
+  double fps = 25.0, scale = 1.0;
   in.require("files");
   in.text("files", pattern);
+  in.number("scale", scale, smallest_scale, largest_scale);
   in.number("first", first, 0, 1e9);
   in.number("fps", fps, 1e-3, 1e5);
   in.check();
@@ -132,12 +171,13 @@ Obstacle read_sequence(JsonReader& in, const std::string& name, const fs::path& 
     if (!fs::exists(path)) break;
     const Mesh mesh = read_mesh(path);
     if (k == 0) body = make_mesh_obstacle(name, mesh);
-    if (mesh.triangles.rows() != body.surface->triangles.rows() ||
+    if (mesh.vertex_count() != body.surface->vertex_count() ||
+        mesh.triangles.rows() != body.surface->triangles.rows() ||
         mesh.triangles != body.surface->triangles) {
       throw InvalidInput(path + ": its triangles are not those of the sequence's first file");
     }
     times_s.push_back(k / fps);
-    frames_m.push_back(mesh.positions_m);
+    frames_m.push_back(scale * mesh.positions_m);
   }
   if (frames_m.empty()) {
     throw InvalidInput(fmt::format("{}: there is no first file of the sequence {}",
@@ -149,13 +189,15 @@ Obstacle read_sequence(JsonReader& in, const std::string& name, const fs::path& 
 
 Obstacle read_mesh_body(JsonReader& in, const std::string& name, const fs::path& folder) {
   std::string file;
+  double scale = 1.0;
   in.require("file");
   in.text("file", file);
+  in.number("scale", scale, smallest_scale, largest_scale);
   const Rigid3 place = read_place(in);
   in.check();
-  Mesh mesh = read_mesh((folder / file).string());
+  Mesh mesh = read_named_mesh(folder, file);
   for (Eigen::Index v = 0; v < mesh.vertex_count(); ++v) {
-    mesh.positions_m.row(v) = (place * Vector3d(mesh.positions_m.row(v))).transpose();
+    mesh.positions_m.row(v) = (place * Vector3d(scale * mesh.positions_m.row(v))).transpose();
   }
   return make_mesh_obstacle(name, std::move(mesh));
 }

@@ -49,6 +49,30 @@ Triangles split_quads(const SheetGrid& grid) {
   return triangles;
 }
 
+bool is_upright(const Sheet& sheet, int t) {
+  const Eigen::Vector2d side =
+      sheet.material_m.row(sheet.triangles(t, 1)) - sheet.material_m.row(sheet.triangles(t, 0));
+  return signed_area(sheet, t) > 1e-9 * side.squaredNorm();
+}
+
+/// How many triangles are inverted or without area.
+Eigen::Index not_upright(const Sheet& sheet) {
+  Eigen::Index count = 0;
+  for (int t = 0; t < sheet.triangles.rows(); ++t) count += is_upright(sheet, t) ? 0 : 1;
+  return count;
+}
+
+void check_upright(const Sheet& sheet, int t, const std::string& source) {
+  if (is_upright(sheet, t)) return;
+  const Eigen::Index all = sheet.triangles.rows(), wrong = not_upright(sheet);
+  throw InvalidInput(fmt::format(
+      "{}: triangle {} is {} in the fabric ({} of {} triangles are wrong so); all must be "
+      "counter-clockwise in (u, v) and have an area: {}",
+      source, t + 1, signed_area(sheet, t) < 0.0 ? "inverted" : "without area", wrong, all,
+      wrong == all ? "turn the triangles round, or mirror the texture coordinates"
+                   : "mend the texture coordinates"));
+}
+
 }  // namespace
 
 Eigen::VectorXd Sheet::vertex_areas_m2() const {
@@ -162,15 +186,7 @@ void validate(const Sheet& sheet, const std::string& source) {
   std::vector<bool> used(sheet.vertex_count(), false);
   std::map<std::pair<int, int>, int> edges;  // directed
   for (int t = 0; t < sheet.triangles.rows(); ++t) {
-    const double area = signed_area(sheet, t);
-    const Eigen::Vector2d side =
-        sheet.material_m.row(sheet.triangles(t, 1)) - sheet.material_m.row(sheet.triangles(t, 0));
-    if (!(area > 1e-9 * side.squaredNorm())) {
-      throw InvalidInput(fmt::format(
-          "{}: triangle {} is {} in the fabric; all triangles must be counter-clockwise in (u, v) "
-          "and have an area: mend the texture coordinates",
-          source, t + 1, area < 0.0 ? "inverted" : "without area"));
-    }
+    check_upright(sheet, t, source);
     for (int k = 0; k < 3; ++k) {
       const int a = sheet.triangles(t, k), b = sheet.triangles(t, (k + 1) % 3);
       used[a] = true;
@@ -178,7 +194,7 @@ void validate(const Sheet& sheet, const std::string& source) {
         throw InvalidInput(
             fmt::format("{}: triangles {} and {} run through the edge of vertices {} and {} in the "
                         "same direction: the mesh is not a manifold surface; each edge may have "
-                        "two triangles, on either side",
+                        "two triangles, on either side: remove one, or turn it round",
                         source, edges.at({a, b}) + 1, t + 1, a + 1, b + 1));
       }
     }

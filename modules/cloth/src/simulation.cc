@@ -86,6 +86,18 @@ void add_fabric(Key& key, const Fabric& fabric) {
   if (fabric.bending_bias) key.add(*fabric.bending_bias);
 }
 
+/// A motion is known by some of its places.
+void add_obstacle(Key& key, const Obstacle& obstacle) {
+  const Mesh mesh = obstacle_mesh(obstacle, 0.0);
+  key.add(obstacle.name);
+  key.add_matrix(mesh.positions_m);
+  key.add_matrix(mesh.triangles);
+  if (!is_moving(obstacle)) return;
+  for (double time_s = 0.1; time_s < 100.0; time_s *= 1.5) {
+    key.add_matrix(obstacle_mesh(obstacle, time_s).positions_m);
+  }
+}
+
 void add_scene(Key& key, const ClothScene& scene) {
   key.add_matrix(scene.sheet.material_m);
   key.add_matrix(scene.sheet.triangles);
@@ -99,12 +111,7 @@ void add_scene(Key& key, const ClothScene& scene) {
         scene.self_contact ? 1.0 : 0.0}) {
     key.add(value);
   }
-  for (const Obstacle& obstacle : scene.obstacles) {
-    const Mesh mesh = obstacle_mesh(obstacle, 0.0);
-    key.add(obstacle.name);
-    key.add_matrix(mesh.positions_m);
-    key.add_matrix(mesh.triangles);
-  }
+  for (const Obstacle& obstacle : scene.obstacles) add_obstacle(key, obstacle);
 }
 
 // ---- options
@@ -175,6 +182,7 @@ class Run {
   void begin_from(const ClothScene& coarse, const Points& positions_m);
   void resume_at(const SimulationCheckpoint& checkpoint, const std::vector<double>& spacings);
 
+  void warn_of_long_steps() const;
   void run_dynamic();
   bool dynamic_done();
   void advance();
@@ -297,7 +305,7 @@ SimulationSummary Run::run(const SimulationCheckpoint* resume) {
     if (resume->key != now_.key) {
       throw InvalidInput(setup_.name +
                          ": the checkpoint is of a run with another scene or other options; give "
-                         "those, or remove it to start anew");
+                         "those, or start anew without it");
     }
     resume_at(*resume, spacings);
   } else {
@@ -324,7 +332,24 @@ SimulationSummary Run::run(const SimulationCheckpoint* resume) {
 
 // ---- through time
 
+/// Implicit steps bear any length, but what swings within a few of them is damped away.
+void Run::warn_of_long_steps() const {
+  constexpr double usual_s = 0.05;
+  const double given_s = options_.longest_step_s, frame_s = 1.0 / options_.frames_per_second;
+  if (given_s <= usual_s) return;
+  if (frame_s < given_s) {
+    sink_.warn(fmt::format("steps of {:g} s are cut to {:g} s, the time between frames", given_s,
+                           frame_s));
+  }
+  if (std::min(given_s, frame_s) <= usual_s) return;
+  sink_.warn(fmt::format(
+      "steps of {:g} s are too long for cloth in motion: swings and hits within a few steps are "
+      "damped away; choose 0.01 s or less",
+      std::min(given_s, frame_s)));
+}
+
 void Run::run_dynamic() {
+  warn_of_long_steps();
   if (!resumed_) {
     now_.pace.step_s = options_.longest_step_s;
     now_.shortest_step_s = options_.longest_step_s;
@@ -393,10 +418,13 @@ void Run::advance() {
     now_.easy_steps = 0;
     now_.pace.step_s = 0.5 * step_s;
     if (now_.pace.step_s < options_.smallest_step_s) {
+      const bool explicitly = options_.step.scheme == TimeScheme::explicit_euler;
       throw SolverError(fmt::format(
-          "{}: no step from {:.4f} s on could be solved, down to {:g} s; a wider spacing, a larger "
-          "strain limit or a slower body may help",
-          setup_.name, before.time_s, options_.smallest_step_s));
+          "{}: no step from {:.4f} s on could be solved, down to {:g} s; {} may help", setup_.name,
+          before.time_s, options_.smallest_step_s,
+          explicitly ? "shorter steps from the start (explicit ones have a limit of stability) or "
+                       "the implicit scheme"
+                     : "a wider spacing, a larger strain limit or a slower body"));
     }
     if (!said_short_ && now_.pace.step_s < 0.1 * options_.longest_step_s) {
       said_short_ = true;

@@ -17,7 +17,10 @@ namespace semblance::cli {
 void make_folder(const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) throw IoError(folder + ": cannot be created (" + error.message() + ")");
+  if (error) {
+    throw IoError(folder + ": cannot be used as the output folder (" + error.message() +
+                  "); name a folder in a place you can write to");
+  }
 }
 
 void write_summary(const Context& context, const std::string& json) {

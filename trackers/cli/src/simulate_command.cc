@@ -140,6 +140,9 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   std::optional<SimulationCheckpoint> checkpoint;
   if (arguments.resume && fs::exists(files.checkpoint_path())) {
     checkpoint = read_checkpoint(files.checkpoint_path());
+  } else if (arguments.resume) {
+    files.warn(files.checkpoint_path() + ": there is no such file to go on from; starting anew");
+    files.start_anew();
   }
   const auto progress = console_progress();
   const SimulationSummary summary =

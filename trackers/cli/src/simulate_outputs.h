@@ -16,6 +16,9 @@ class SimulationFiles : public SimulationSink {
   /// `format` of frames: "obj", "ply", "glb" or "none". `resume`: keep what is there.
   SimulationFiles(std::string folder, std::string format, bool resume);
 
+  /// There is nothing to resume after all.
+  void start_anew() { resume_ = false; }
+
   void begin() override;
   void frame(int number, double time_s, const Sheet& sheet, const Points& positions_m) override;
   void level_done(int number, const SimulationLevel& level, const Sheet& sheet,
