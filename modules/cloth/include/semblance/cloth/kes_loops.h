@@ -35,7 +35,7 @@ using Specimen = std::function<double(double deformation)>;
 
 /// Steps from rest to a turn: 160 put eight of them into the turn of friction.
 struct TestPlan {
-  int steps = 160;
+  int steps = 320;
 };
 
 /// Pulls until the force is 500 gf/cm and lets go until it is 0. Throws SolverError where the
