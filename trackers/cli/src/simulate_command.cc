@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 struct SimulateArguments {
   std::string scene, folder, fabric, until = "rest", method = "dynamic", self_contact, scheme,
-                                     model, hysteresis, format = "obj", compare;
+                                     model, hysteresis, format = "obj", compare, start;
   double spacing_m = 0.0;
   bool resume = false;
   SimulationOptions options;
@@ -62,10 +62,38 @@ SimulationSetup setup_of(const SimulateArguments& arguments) {
   return preset_setup(name, arguments.fabric.empty() ? Fabric{} : read_fabric(arguments.fabric));
 }
 
+/// A mesh with (u, v) in metres, as another run left it.
+struct OtherShape {
+  std::string path;
+  Sheet sheet;
+  Points positions_m;
+
+  /// Where the vertices of another sheet of the same piece of fabric lie on it.
+  Points on(const Sheet& other) const {
+    try {
+      return refine(sheet, positions_m, other);
+    } catch (const InvalidInput& error) {
+      throw InvalidInput(path + ": " + error.what());
+    }
+  }
+};
+
+OtherShape read_other_shape(const std::string& other) {
+  OtherShape out;
+  out.path = fs::is_directory(other) ? (fs::path(other) / "rest.obj").string() : other;
+  const Mesh mesh = read_mesh(out.path);
+  out.sheet = make_sheet(mesh, out.path);
+  out.positions_m = mesh.positions_m;
+  return out;
+}
+
 /// What options say beside the scene, on whatever the scene says itself.
 void override_scene(const SimulateArguments& arguments, SimulationSetup& setup) {
-  setup.make = [make = setup.make, arguments](double spacing_m) {
+  std::optional<OtherShape> start;
+  if (!arguments.start.empty()) start = read_other_shape(arguments.start);
+  setup.make = [make = setup.make, arguments, start](double spacing_m) {
     ClothScene scene = make(spacing_m);
+    if (start) scene.start_m = start->on(scene.sheet);
     const bool own = scene.model.internal_friction != InternalFriction::none;
     const bool hysteresis = arguments.hysteresis.empty() ? own : arguments.hysteresis == "on";
     if (!arguments.model.empty()) {
@@ -76,22 +104,6 @@ void override_scene(const SimulateArguments& arguments, SimulationSetup& setup) 
     if (!arguments.self_contact.empty()) scene.self_contact = arguments.self_contact == "on";
     return scene;
   };
-}
-
-/// A mesh with (u, v) in metres, as another run left it.
-struct OtherShape {
-  std::string path;
-  Sheet sheet;
-  Points positions_m;
-};
-
-OtherShape read_other_shape(const std::string& other) {
-  OtherShape out;
-  out.path = fs::is_directory(other) ? (fs::path(other) / "rest.obj").string() : other;
-  const Mesh mesh = read_mesh(out.path);
-  out.sheet = make_sheet(mesh, out.path);
-  out.positions_m = mesh.positions_m;
-  return out;
 }
 
 double distance_from(const OtherShape& other, const SimulationSummary& summary) {
@@ -205,6 +217,8 @@ void add_options(CLI::App& simulate, SimulateArguments& arguments) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   simulate.add_flag("--resume", arguments.resume, "Go on where an interrupted run stopped");
+  simulate.add_option("--start-from", arguments.start,
+                      "Start from another run's rest shape (folder or mesh)");
   simulate.add_option("--compare-with", arguments.compare,
                       "Also tell the mean distance from another run's rest shape (folder or mesh)");
 }
