@@ -103,6 +103,21 @@ TEST_F(SimulateCommand, ComparesWithAnotherRun) {
   EXPECT_TRUE(fs::exists(path("b/level-1.obj")));
 }
 
+/// What is at rest stays where it is; another piece of fabric is no start.
+TEST_F(SimulateCommand, StartsFromAnotherRun) {
+  const std::vector<std::string> options = {"--spacing", "0.01", "--method", "quasistatic"};
+  ASSERT_EQ(run("strip", "a", options).exit_code, 0);
+  std::vector<std::string> again = options;
+  again.insert(again.end(), {"--start-from", path("a"), "--compare-with", path("a")});
+  ASSERT_EQ(run("strip", "b", again).exit_code, 0);
+  EXPECT_LT(summary("b")["shape_error_m"].get<double>(), 1e-4);
+  EXPECT_LT(4 * summary("b")["newton_iterations"].get<int>(),
+            summary("a")["newton_iterations"].get<int>());
+  expect_refused(
+      run("table", "out", {"--spacing", "0.05", "--start-from", path("a")}),
+      "a/rest.obj: a piece of 0.210 x 0.020 m, and the scene's sheet has 1.000 x 0.800 m");
+}
+
 /// Interrupted after a while, wherever that is; what it ends in is the same to the byte.
 TEST_F(SimulateCommand, GoesOnAfterAnInterrupt) {
   const std::vector<std::string> options = {"--spacing", "0.05", "--until", "0.8"};

@@ -70,11 +70,17 @@ struct OtherShape {
 
   /// Where the vertices of another sheet of the same piece of fabric lie on it.
   Points on(const Sheet& other) const {
-    try {
-      return refine(sheet, positions_m, other);
-    } catch (const InvalidInput& error) {
-      throw InvalidInput(path + ": " + error.what());
+    const Eigen::RowVector2d mine = size_m(sheet), others = size_m(other);
+    if ((mine - others).norm() > 1e-3 * others.norm()) {
+      throw InvalidInput(fmt::format(
+          "{}: a piece of {:.3f} x {:.3f} m, and the scene's sheet has {:.3f} x {:.3f} m; start "
+          "from a run of the same scene",
+          path, mine[0], mine[1], others[0], others[1]));
     }
+    return refine(sheet, positions_m, other);
+  }
+  static Eigen::RowVector2d size_m(const Sheet& sheet) {
+    return sheet.material_m.colwise().maxCoeff() - sheet.material_m.colwise().minCoeff();
   }
 };
 
@@ -140,6 +146,8 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   SimulationOptions options = arguments.options;
   options.until_s = parse_until(arguments.until);
   options.method = methods.at(arguments.method);
+  // Near rest long steps are easy.
+  if (!arguments.start.empty()) options.rest.first_step_s = 1.0;
   if (!arguments.scheme.empty()) options.step.scheme = schemes.at(arguments.scheme);
   SimulationSetup setup = setup_of(arguments);
   override_scene(arguments, setup);
