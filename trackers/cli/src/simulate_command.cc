@@ -8,6 +8,7 @@
 #include "semblance/cloth/checkpoint.h"
 #include "semblance/cloth/fabric_io.h"
 #include "semblance/cloth/presets.h"
+#include "semblance/cloth/rest.h"
 #include "semblance/cloth/scene_io.h"
 #include "semblance/core/errors.h"
 #include "semblance/io/mesh_io.h"
