@@ -216,7 +216,7 @@ TEST_F(BadInput, OutputFolderThatCannotBeMade) {
   }
   const ProgramResult demo = run_program({"demo", "-o", path("wall.mp4/demo")});
   EXPECT_EQ(demo.exit_code, kBadInput);
-  EXPECT_THAT(demo.output, AllOf(HasSubstr("wall.mp4/demo"), HasSubstr("cannot be created")));
+  EXPECT_THAT(demo.output, AllOf(HasSubstr("wall.mp4/demo"), HasSubstr("output folder")));
 }
 
 TEST_F(BadInput, ScoreWithoutTruth) {
