@@ -3,7 +3,6 @@
 
 #include <cmath>
 
-#include "semblance/cloth/rest.h"
 #include "sheets.h"
 
 namespace semblance {
@@ -66,20 +65,13 @@ Tip simulate(double bending_n_m, double spacing_m, BendingModel bending, bool al
   for (Eigen::Index v = 0; v < scene.start_m.rows(); ++v) {
     if (scene.start_m(v, 0) < 1e-9) scene.fixed.push_back(static_cast<int>(v));
   }
-  StepOptions options;
-  options.scheme = TimeScheme::quasistatic;
-  options.most_newton_iterations = 20;
-  ClothSystem system(scene, options);
-  ClothState state = system.start();
-  RestOptions rest;
-  rest.tolerance = 1e-5;
-  EXPECT_TRUE(settle(system, state, rest, silent_progress()).at_rest);
+  const Points positions_m = rest_of(scene, 1e-5);
   Tip tip{};
   int count = 0;
-  for (Eigen::Index v = 0; v < state.positions_m.rows(); ++v) {
+  for (Eigen::Index v = 0; v < positions_m.rows(); ++v) {
     if (scene.sheet.material_m(v, axis) < long_m - 1e-9) continue;
-    tip.reach_m += state.positions_m(v, 0);
-    tip.drop_m -= state.positions_m(v, 1);
+    tip.reach_m += positions_m(v, 0);
+    tip.drop_m -= positions_m(v, 1);
     ++count;
   }
   return {tip.reach_m / count, tip.drop_m / count};

@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "semblance/cloth/rest.h"
 #include "sheets.h"
 
 namespace semblance {
@@ -111,15 +110,8 @@ double simulate(double bending_n_m, double spacing_m) {
   for (Eigen::Index v = 0; v < along_m.size(); ++v) {
     if (std::abs(along_m[v]) > half_m - 1e-9) scene.fixed.push_back(static_cast<int>(v));
   }
-  StepOptions options;
-  options.scheme = TimeScheme::quasistatic;
-  options.most_newton_iterations = 20;
-  ClothSystem system(scene, options);
-  ClothState state = system.start();
-  RestOptions rest;
-  rest.tolerance = 1e-5;
-  EXPECT_TRUE(settle(system, state, rest, silent_progress()).at_rest);
-  return -state.positions_m.col(1).minCoeff();
+  const Points positions_m = rest_of(scene, 1e-5);
+  return -positions_m.col(1).minCoeff();
 }
 
 /// Peirce: without weight the heart is 0.1337 of the strip's length high.

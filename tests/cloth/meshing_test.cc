@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "semblance/cloth/drape.h"
-#include "semblance/cloth/rest.h"
 #include "sheets.h"
 
 namespace semblance {
@@ -70,15 +69,8 @@ Shape hung(const Sheet& sheet, double clamped_to_m) {
     if (sheet.material_m(v, 0) < 1e-9 && sheet.material_m(v, 1) < clamped_to_m + 1e-9)
       scene.fixed.push_back(static_cast<int>(v));
   }
-  StepOptions options;
-  options.scheme = TimeScheme::quasistatic;
-  if (!sheet.grid) options.linear_solver = "direct";
-  ClothSystem system(scene, options);
-  ClothState state = system.start();
-  RestOptions rest;
-  rest.tolerance = 1e-4;
-  EXPECT_TRUE(settle(system, state, rest, silent_progress()).at_rest);
-  return {sheet, state.positions_m};
+  const Points positions_m = rest_of(scene, 1e-4);
+  return {sheet, positions_m};
 }
 
 double percent(const Shape& a, const Shape& b) {

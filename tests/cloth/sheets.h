@@ -1,9 +1,11 @@
 // Sheets and fabrics that the cloth's tests share.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 
-#include "semblance/cloth/cloth_system.h"
+#include "semblance/cloth/rest.h"
 #include "semblance/core/random.h"
 
 namespace semblance {
@@ -39,6 +41,19 @@ inline Points crumpled(const Sheet& sheet, double noise_m, std::uint64_t seed = 
     for (int c = 0; c < 3; ++c) x(i, c) += noise_m * random.normal();
   }
   return x;
+}
+
+/// Positions at rest; a failure where there is none.
+inline Points rest_of(const ClothScene& scene, double tolerance) {
+  StepOptions options;
+  options.scheme = TimeScheme::quasistatic;
+  options.linear_solver = scene.sheet.grid ? "lines" : "direct";
+  ClothSystem system(scene, options);
+  ClothState state = system.start();
+  RestOptions rest;
+  rest.tolerance = tolerance;
+  EXPECT_TRUE(settle(system, state, rest, silent_progress()).at_rest);
+  return state.positions_m;
 }
 
 /// By its products with unit vectors.

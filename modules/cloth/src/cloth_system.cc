@@ -69,7 +69,6 @@ struct ClothSystem::Step {
   double inertia = 0.0;    // 1 / h^2
   double drag = 0.0;       // a / h
   Points inertial, still;  // y and c
-  Points kept;             // how much further it goes if accelerations stay as they were
   FrictionStep friction;
 };
 
@@ -176,11 +175,15 @@ double ClothSystem::change_of_motion(const Step& step, const Points& x) const {
   return step.inertia * sum;
 }
 
-/// Goes on towards where the cloth would be without forces, as far as contacts let it and if that
-/// is better than to stand still: what slides goes on to slide, which saves finding that out.
-void ClothSystem::predict(const Step& step, Points& x) {
+/// Goes on as with the accelerations of the last step, as far as contacts let it and if that is
+/// better than to stand still: what slides goes on to slide, which saves finding that out.
+void ClothSystem::predict(const Step& step, const ClothState& state, Points& x) {
   const double before = value(step, x);
-  const Points way = step.inertial - x + step.kept;
+  Points way = step.inertial - x;
+  if (state.previous_step_s > 0.0) {
+    way += step.step_s * step.step_s / state.previous_step_s *
+           (state.velocities_m_s - state.previous_velocities_m_s);
+  }
   Points ahead;
   {
     const Stopwatch watch(timing_.contact_s);
@@ -335,13 +338,8 @@ StepReport ClothSystem::step(ClothState& state, double step_s) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, loss_step_s,
                                law_, state.friction);
   Points x = state.positions_m;
-  if (!still && !moving_) {
-    step.kept = Points::Zero(x.rows(), 3);
-    if (state.previous_step_s > 0.0)
-      step.kept = step_s * step_s / state.previous_step_s *
-                  (state.velocities_m_s - state.previous_velocities_m_s);
-    predict(step, x);
-  }
+  // Gaps that a prediction used up would stop bodies that come.
+  if (!still && !moving_) predict(step, state, x);
   const StepReport report =
       moving_ ? solve_among_moving(step, state.time_s + step_s, x) : solve(step, x);
   state.previous_positions_m = std::move(state.positions_m);

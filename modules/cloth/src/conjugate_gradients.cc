@@ -2,34 +2,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "column_chunks.h"
 #include "preconditioners.h"
 #include "semblance/cloth/linear_solver.h"
 #include "semblance/core/errors.h"
-#include "semblance/core/parallel.h"
 
 namespace semblance {
 namespace {
 
-constexpr int chunk_columns = 16384;
 constexpr int most_iterations = 2000;
 
-/// Sum of body(first column, number of columns) over chunks, in their order: the same for every
-/// number of threads.
-template <class Body>
-double sum_over_chunks(Eigen::Index columns, const Body& body) {
-  const Eigen::Index chunks = (columns + chunk_columns - 1) / chunk_columns;
-  std::vector<double> sums(chunks, 0.0);
-  parallel_for(chunks, [&](std::size_t c) {
-    const Eigen::Index first = static_cast<Eigen::Index>(c) * chunk_columns;
-    sums[c] = body(first, std::min<Eigen::Index>(chunk_columns, columns - first));
-  });
-  double sum = 0.0;
-  for (const double s : sums) sum += s;
-  return sum;
-}
-
 double dot(const BlockVector& a, const BlockVector& b) {
-  return sum_over_chunks(a.cols(), [&](Eigen::Index first, Eigen::Index n) {
+  return sum_over_columns(a.cols(), [&](Eigen::Index first, Eigen::Index n) {
     return a.middleCols(first, n).cwiseProduct(b.middleCols(first, n)).sum();
   });
 }
@@ -82,15 +66,14 @@ class ConjugateGradients : public LinearSolver {
  private:
   /// The next direction: z + beta p.
   void turn(double beta) {
-    sum_over_chunks(p_.cols(), [&](Eigen::Index first, Eigen::Index n) {
+    for_column_chunks(p_.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
       p_.middleCols(first, n) = z_.middleCols(first, n) + beta * p_.middleCols(first, n);
-      return 0.0;
     });
   }
 
   /// Goes along p; the square of the residual's norm there.
   double advance(double alpha, BlockVector& x) {
-    return sum_over_chunks(x.cols(), [&](Eigen::Index first, Eigen::Index n) {
+    return sum_over_columns(x.cols(), [&](Eigen::Index first, Eigen::Index n) {
       x.middleCols(first, n) += alpha * p_.middleCols(first, n);
       r_.middleCols(first, n) -= alpha * q_.middleCols(first, n);
       return r_.middleCols(first, n).squaredNorm();

@@ -230,6 +230,10 @@ class TriangleRows {
       return Eigen::RowVector3d(0.5 * p.x() * p.x(), 0.5 * p.y() * p.y(), p.x() * p.y());
     };
     const Eigen::Matrix2d e = edges(t);
+    const auto above_plane = [&](const Eigen::RowVector3d& value, const Eigen::Vector2d& s) {
+      return Eigen::RowVector3d((value - s[0] * quadratic(e.col(0)) - s[1] * quadratic(e.col(1))) /
+                                (scale * scale));
+    };
     for (int k = 0; k < extra; ++k) {
       const Eigen::Vector2d p = sheet_.material_m.row(vertices[3 + k]).transpose() - a;
       const Eigen::Vector2d s = slope * p;  // barycentric
@@ -237,8 +241,7 @@ class TriangleRows {
       heights(k, 1) = -s[0];
       heights(k, 2) = -s[1];
       heights(k, 3 + k) = 1.0;
-      shapes.row(k) = (quadratic(p) - s[0] * quadratic(e.col(0)) - s[1] * quadratic(e.col(1))) /
-                      (scale * scale);
+      shapes.row(k) = above_plane(quadratic(p), s);
       const int first = vertices[(across[k] + 1) % 3], second = vertices[(across[k] + 2) % 3];
       if (!is_fixed(fixed_, vertices[3 + k]) || !is_fixed(fixed_, first) ||
           !is_fixed(fixed_, second))
@@ -248,11 +251,8 @@ class TriangleRows {
       const Eigen::Vector2d to = sheet_.material_m.row(second).transpose() - a;
       const Eigen::Vector2d along = (to - from).normalized(), m = 0.5 * (from + to);
       const Eigen::Vector2d way = p - from - along * along.dot(p - from);
-      const Eigen::Vector2d r = slope * way;
-      shapes.row(k) =
-          (Eigen::RowVector3d(m.x() * way.x(), m.y() * way.y(), m.x() * way.y() + m.y() * way.x()) -
-           r[0] * quadratic(e.col(0)) - r[1] * quadratic(e.col(1))) /
-          (scale * scale);
+      shapes.row(k) = above_plane(
+          {m.x() * way.x(), m.y() * way.y(), m.x() * way.y() + m.y() * way.x()}, slope * way);
     }
     // Twist counts twice in the norm of the second derivatives.
     shapes.col(2) /= std::sqrt(2.0);

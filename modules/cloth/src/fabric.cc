@@ -165,8 +165,9 @@ std::string viscosity_assumption() {
 }
 
 std::string reversal_assumption() {
-  return fmt::format("reversal not given: friction turns round over {:g} % of the measured range",
-                     100.0 * default_reversal_fraction);
+  return fmt::format(
+      "reversal not given: friction turns round over {:g} % of the measured range at most",
+      100.0 * default_reversal_fraction);
 }
 
 namespace {

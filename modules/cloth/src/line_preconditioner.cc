@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 
+#include "column_chunks.h"
 #include "preconditioners.h"
 #include "semblance/core/parallel.h"
 #include "wide.h"
@@ -15,19 +16,25 @@ namespace semblance {
 namespace {
 
 constexpr int lanes = 8;  // lines side by side
-constexpr int chunk_columns = 16384;
 // Aligned as every allocation is: the stack of code for older processors keeps no more.
 using Lane = double __attribute__((vector_size(8 * lanes), aligned(16)));
 using FloatLane = float __attribute__((vector_size(4 * lanes), aligned(16)));
-template <class Type, int count>
+struct InDouble {  // attributes get lost on the way through template arguments
+  using Type = Lane;
+};
+struct InSingle {
+  using Type = FloatLane;
+};
+template <class Precision, int count>
 struct Lanes {
+  using Type = typename Precision::Type;
   Type lane[count];
   Type& operator[](int k) { return lane[k]; }
   const Type& operator[](int k) const { return lane[k]; }
 };
-using Block = Lanes<Lane, 9>;  // by columns
-using FloatBlock = Lanes<FloatLane, 9>;
-using FloatVector = Lanes<FloatLane, 3>;
+using Block = Lanes<InDouble, 9>;  // by columns
+using FloatBlock = Lanes<InSingle, 9>;
+using FloatVector = Lanes<InSingle, 3>;
 
 /// c -= a b'.
 [[gnu::always_inline]] inline void subtract_outer(const Block& a, const Block& b, Block& c) {
@@ -245,10 +252,7 @@ class Lines : public Preconditioner {
     each_pack(
         [&](LineSolver& lines, int pack, Eigen::Matrix4Xf& part) { lines.solve(pack, r, part); });
     z.resize(4, r.cols());
-    const Eigen::Index chunks = (r.cols() + chunk_columns - 1) / chunk_columns;
-    parallel_for(chunks, [&](std::size_t c) {
-      const Eigen::Index first = static_cast<Eigen::Index>(c) * chunk_columns,
-                         n = std::min<Eigen::Index>(chunk_columns, r.cols() - first);
+    for_column_chunks(r.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
       z.middleCols(first, n) =
           (along_warp_.middleCols(first, n) + along_weft_.middleCols(first, n)).cast<double>();
     });

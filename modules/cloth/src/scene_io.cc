@@ -169,7 +169,8 @@ Obstacle read_sequence(JsonReader& in, const std::string& name, const fs::path& 
   for (int k = 0; k < most_frames; ++k) {
     const std::string path = (folder / sequence_name(pattern, first + k)).string();
     if (!fs::exists(path)) break;
-    const Mesh mesh = read_mesh(path);
+    Mesh mesh = read_mesh(path);
+    mesh.positions_m *= scale;
     if (k == 0) body = make_mesh_obstacle(name, mesh);
     if (mesh.vertex_count() != body.surface->vertex_count() ||
         mesh.triangles.rows() != body.surface->triangles.rows() ||
@@ -177,7 +178,7 @@ Obstacle read_sequence(JsonReader& in, const std::string& name, const fs::path& 
       throw InvalidInput(path + ": its triangles are not those of the sequence's first file");
     }
     times_s.push_back(k / fps);
-    frames_m.push_back(scale * mesh.positions_m);
+    frames_m.push_back(mesh.positions_m);
   }
   if (frames_m.empty()) {
     throw InvalidInput(fmt::format("{}: there is no first file of the sequence {}",

@@ -185,6 +185,7 @@ class Run {
   void warn_of_long_steps() const;
   void run_dynamic();
   bool dynamic_done();
+  void set_tolerances();
   void advance();
   bool try_step(double step_s, StepReport& report);
   double slice() const;
@@ -387,15 +388,19 @@ double Run::slice() const {
   return left_s / std::max(1.0, std::ceil(left_s / now_.pace.step_s - 1e-9));
 }
 
-void Run::advance() {
-  const ClothState before = now_.state;
-  // Where rest is near, what is left of forces counts and not what they would still move, and must
-  // not shake the cloth.
+/// Where rest is near, what is left of forces counts and not what they would still move, and must
+/// not shake the cloth.
+void Run::set_tolerances() {
   const bool nearly_still =
       !now_.rows.empty() && now_.rows.back().speed_m_s < 100.0 * options_.rest_speed_m_s;
-  system_->options().motion_tolerance = nearly_still ? 0.0 : options_.step.motion_tolerance;
-  system_->options().tolerance =
-      nearly_still ? 0.2 * options_.rest_residual : options_.step.tolerance;
+  StepOptions& step = system_->options();
+  step.motion_tolerance = nearly_still ? 0.0 : options_.step.motion_tolerance;
+  step.tolerance = nearly_still ? 0.2 * options_.rest_residual : options_.step.tolerance;
+}
+
+void Run::advance() {
+  const ClothState before = now_.state;
+  set_tolerances();
   for (int halvings = 0;; ++halvings) {
     const double step_s = slice();
     StepReport report;

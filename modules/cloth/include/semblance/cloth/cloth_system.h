@@ -106,7 +106,7 @@ class ClothSystem {
  private:
   struct Step;
   StepReport step_explicitly(ClothState& state, double step_s);
-  void predict(const Step& step, Points& x);
+  void predict(const Step& step, const ClothState& state, Points& x);
   StepReport solve(Step& step, Points& x);
   StepReport solve_among_moving(Step& step, double end_s, Points& x);
   double change_of_motion(const Step& step, const Points& x) const;

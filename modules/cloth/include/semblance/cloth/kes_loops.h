@@ -33,7 +33,7 @@ KesFigures figures_of(const KesLoops& loops);
 /// in the units of ModeResponse. It remembers where it was.
 using Specimen = std::function<double(double deformation)>;
 
-/// Steps from rest to a turn: 160 put eight of them into the turn of friction.
+/// Steps from rest to a turn: 320 put a dozen of them into the turn of friction.
 struct TestPlan {
   int steps = 320;
 };
