@@ -62,6 +62,36 @@ ContactFinder make_finder(const ClothScene& scene) {
   return ContactFinder(surface, scene.obstacles, options);
 }
 
+/// Which Hessian serves the next iteration. Far from the minimum the convex one leads the surer
+/// way. Once steps are short, the negative curvature that it leaves out, of yarns under pressure,
+/// is what slows Newton's method down. Steps in time have inertia's curvature, and are all convex.
+class HessianChoice {
+ public:
+  /// Iterations that go less than `short_m` are short; 0: none.
+  explicit HessianChoice(double short_m) : short_m_(short_m) {}
+
+  HessianKind kind() const {
+    return !refuted_ && std::max(last_m_, before_m_) < short_m_ ? HessianKind::nearly_exact
+                                                                : HessianKind::convex;
+  }
+  /// The last iteration went `fraction` of a way of `length_m`.
+  void note(double fraction, double length_m) {
+    before_m_ = last_m_;
+    last_m_ = fraction == 1.0 ? length_m : too_far_m;
+  }
+  /// Negative curvature was met; false where another Hessian does not help.
+  bool refute() {
+    const bool helps = kind() != HessianKind::convex;
+    refuted_ = true;
+    return helps;
+  }
+
+ private:
+  static constexpr double too_far_m = 1e300;
+  double short_m_, last_m_ = too_far_m, before_m_ = too_far_m;
+  bool refuted_ = false;
+};
+
 }  // namespace
 
 struct ClothSystem::Step {
@@ -106,32 +136,35 @@ double ClothSystem::weight_norm() const {
   return masses_kg_.norm() * (gravity > 0.0 ? gravity : 9.80665);
 }
 
+/// The matrix of the strains' second derivatives and of inertia; contacts are to be added.
+void ClothSystem::assemble(const Step& step) {
+  const Stopwatch watch(timing_.assembly_s);
+  assembly_.assemble(strain_hessian_, matrix_);
+  for (Eigen::Index v = 0; v < masses_kg_.size(); ++v) {
+    if (assembly_.is_fixed(static_cast<int>(v))) continue;
+    const float shift = static_cast<float>(masses_kg_[v] * (step.inertia + step.drag));
+    for (const int k : {0, 3, 5}) matrix_.own[v][k] += shift;
+  }
+}
+
+double ClothSystem::add_contacts(const Step& step, const Points& x, Points& gradient,
+                                 BlockMatrix* matrix) {
+  const Stopwatch watch(timing_.contact_s);
+  return add_barriers(finder_.contacts(x), law_, &gradient, matrix) +
+         step.friction.add_gradient(x, gradient, matrix);
+}
+
+/// Energy and gradient; with a kind of Hessian, `matrix_` too.
 double ClothSystem::derivatives(const Step& step, const Points& x, Points& gradient,
-                                BlockMatrix* matrix) {
+                                std::optional<HessianKind> hessian) {
   double value = 0.0;
   {
     const Stopwatch watch(timing_.energy_s);
-    value = matrix == nullptr ? energy_.gradient(x, gradient)
-                              : energy_.hessian(x, options_.hessian, gradient, strain_hessian_);
+    value = hessian ? energy_.hessian(x, *hessian, gradient, strain_hessian_)
+                    : energy_.gradient(x, gradient);
   }
-  if (matrix != nullptr) {
-    const Stopwatch watch(timing_.assembly_s);
-    assembly_.assemble(strain_hessian_, *matrix);
-    for (Eigen::Index v = 0; v < x.rows(); ++v) {
-      if (assembly_.is_fixed(static_cast<int>(v))) continue;
-      const float shift = static_cast<float>(masses_kg_[v] * (step.inertia + step.drag));
-      for (const int k : {0, 3, 5}) matrix->own[v][k] += shift;
-    }
-  }
-  {
-    const Stopwatch watch(timing_.contact_s);
-    value += add_barriers(finder_.contacts(x), law_, &gradient, matrix);
-    value += step.friction.add_gradient(x, gradient, matrix);
-  }
-  if (matrix != nullptr) {
-    const Stopwatch watch(timing_.assembly_s);
-    matrix->complete_diagonal();
-  }
+  if (hessian) assemble(step);
+  value += add_contacts(step, x, gradient, hessian ? &matrix_ : nullptr);
   for (Eigen::Index v = 0; v < x.rows(); ++v) {
     const Eigen::RowVector3d from_y = x.row(v) - step.inertial.row(v);
     const Eigen::RowVector3d from_c = x.row(v) - step.still.row(v);
@@ -164,9 +197,8 @@ double ClothSystem::value(const Step& step, const Points& x) {
   return value;
 }
 
-/// sum m |dv|^2 with dv the change of velocity, J.
+/// sum m |dv|^2 with dv the change of velocity, J; of a quasi-static step the velocity itself.
 double ClothSystem::change_of_motion(const Step& step, const Points& x) const {
-  if (options_.scheme == TimeScheme::quasistatic) return 0.0;
   double sum = 0.0;
   for (Eigen::Index v = 0; v < x.rows(); ++v) {
     if (assembly_.is_fixed(static_cast<int>(v))) continue;
@@ -198,61 +230,109 @@ void ClothSystem::predict(const Step& step, const ClothState& state, Points& x) 
   }
 }
 
+/// Solves matrix_ change = -gradient.
+LinearSolution ClothSystem::solve_linear(const Points& gradient, Points& change) {
+  const Stopwatch watch(timing_.linear_s);
+  matrix_.complete_diagonal();
+  BlockVector b(4, gradient.rows()), p = BlockVector::Zero(4, gradient.rows());
+  b << -gradient.transpose(), Eigen::RowVectorXd::Zero(gradient.rows());
+  solver_->prepare(matrix_);
+  const LinearSolution solution = solver_->solve(b, options_.linear_tolerance, p);
+  change = p.topRows<3>().transpose();
+  return solution;
+}
+
+/// Yarns that turn get longer on a straight way, and that costs more energy than most steps gain.
+/// Returns `ahead` with their lengths as the way foresaw them to first order, as far as contacts
+/// allow: the second-order correction of constrained optimisation (Nocedal and Wright 2006, 15.6),
+/// with stiff yarns for constraints.
+Points ClothSystem::keep_lengths(const Step& step, const Points& x, const Points& ahead,
+                                 StepReport& report) {
+  Points gradient, change, unused = Points::Zero(x.rows(), 3);
+  {
+    const Stopwatch watch(timing_.energy_s);
+    energy_.resist_lengthening(x, ahead, gradient, strain_hessian_);
+  }
+  assemble(step);
+  add_contacts(step, ahead, unused, &matrix_);
+  for (const int v : scene_.fixed) gradient.row(v).setZero();
+  report.linear_iterations += solve_linear(gradient, change).iterations;
+  const Stopwatch watch(timing_.contact_s);
+  const Points way = ahead + change - x;
+  finder_.update(x);
+  Points out = x + finder_.max_step(x, way) * way;
+  finder_.update(out);
+  return out;
+}
+
+/// Moves `x` along `direction` to where the energy, `current` at the start, is lower, and returns
+/// by which fraction of it; 0 where there is no such place.
+double ClothSystem::search(const Step& step, double current, double slope, const Points& direction,
+                           Points& x, StepReport& report) {
+  // Shorter ways turn yarns little, as do steps in time.
+  const double shortest_kept = options_.scheme == TimeScheme::quasistatic ? 0.2 : 2.0;
+  // Near the minimum energies cannot tell better from worse.
+  const double rounding = 1e-13 * std::abs(current);
+  double fraction = 1.0;
+  {
+    const Stopwatch watch(timing_.contact_s);
+    fraction = finder_.max_step(x, direction);
+  }
+  const auto is_lower = [&](const Points& trial) {
+    return value(step, trial) <= current + 1e-4 * fraction * slope + rounding;
+  };
+  for (;;) {
+    Points trial = x + fraction * direction;
+    {
+      const Stopwatch watch(timing_.contact_s);
+      finder_.update(trial);
+    }
+    bool found = is_lower(trial);
+    if (!found && fraction >= shortest_kept) {
+      trial = keep_lengths(step, x, trial, report);
+      found = is_lower(trial);
+    }
+    if (found) {
+      x.swap(trial);
+      return fraction;
+    }
+    fraction *= 0.5;
+    if (fraction < 1e-6) {
+      finder_.update(x);
+      return 0.0;
+    }
+  }
+}
+
 StepReport ClothSystem::solve(Step& step, Points& x) {
   StepReport report;
-  Points gradient, direction(x.rows(), 3), trial;
-  BlockVector b(4, x.rows()), p;
-  b.setZero();
+  Points gradient, direction;
   const double weight = weight_norm();
-  double current = 0.0;
+  const double spacing_m = std::sqrt(masses_kg_.mean() / scene_.fabric.area_density_kg_m2);
+  HessianChoice choice(options_.scheme == TimeScheme::quasistatic ? 0.1 * spacing_m : 0.0);
   for (;;) {
-    current = derivatives(step, x, gradient, &matrix_);
+    const double current = derivatives(step, x, gradient, choice.kind());
     report.residual = gradient.norm() / weight;
     if (report.residual <= options_.tolerance) {
       report.solved = true;
       return report;
     }
     if (report.newton_iterations == options_.most_newton_iterations) return report;
-    {
-      const Stopwatch watch(timing_.linear_s);
-      b.topRows<3>() = -gradient.transpose();
-      p.setZero(4, x.rows());
-      solver_->prepare(matrix_);
-      const LinearSolution solution = solver_->solve(b, options_.linear_tolerance, p);
-      report.linear_iterations += solution.iterations;
-    }
+    const LinearSolution solution = solve_linear(gradient, direction);
+    report.linear_iterations += solution.iterations;
+    if (solution.negative_curvature && choice.refute()) continue;
     ++report.newton_iterations;
-    direction = p.topRows<3>().transpose();
     const double slope = gradient.cwiseProduct(direction).sum();
     if (!(slope < 0.0)) return report;
     // p'Hp = -slope, and H is at least that of the kinetic energy.
     const bool last = -slope <= std::pow(options_.motion_tolerance, 2) * change_of_motion(step, x);
-    // Near the minimum energies cannot tell better from worse.
-    const double rounding = 1e-13 * std::abs(current);
-    double fraction = 1.0;
-    {
-      const Stopwatch watch(timing_.contact_s);
-      fraction = finder_.max_step(x, direction);
-    }
-    for (;;) {
-      trial = x + fraction * direction;
-      {
-        const Stopwatch watch(timing_.contact_s);
-        finder_.update(trial);
-      }
-      const double next = value(step, trial);
-      if (next <= current + 1e-4 * fraction * slope + rounding) break;
-      fraction *= 0.5;
-      if (fraction < 1e-6) {
-        finder_.update(x);
-        return report;
-      }
-    }
-    x.swap(trial);
+    const double fraction = search(step, current, slope, direction, x, report);
+    if (fraction == 0.0) return report;
     if (last && fraction == 1.0) {
       report.solved = true;
       return report;
     }
+    choice.note(fraction, direction.rowwise().norm().maxCoeff());
   }
 }
 
@@ -289,7 +369,7 @@ StepReport ClothSystem::step_explicitly(ClothState& state, double step_s) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m, step_s, law_,
                                state.friction);
   Points gradient;
-  derivatives(step, state.positions_m, gradient, nullptr);
+  derivatives(step, state.positions_m, gradient, std::nullopt);
   const double drag = 1.0 / (1.0 + step_s * scene_.fabric.mass_damping_1_s);
   for (Eigen::Index v = 0; v < gradient.rows(); ++v) {
     state.velocities_m_s.row(v) =
@@ -360,7 +440,7 @@ double ClothSystem::rest_residual(const ClothState& state) {
   step.friction = FrictionStep(finder_.contacts(state.positions_m), state.positions_m,
                                std::numeric_limits<double>::infinity(), law_, state.friction);
   Points gradient;
-  derivatives(step, state.positions_m, gradient, nullptr);
+  derivatives(step, state.positions_m, gradient, std::nullopt);
   return gradient.norm() / weight_norm();
 }
 

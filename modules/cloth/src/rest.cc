@@ -13,6 +13,7 @@ RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& opt
   RestReport report;
   double step_s = options.first_step_s;
   system.options().linear_tolerance = options.linear_tolerance;
+  system.options().motion_tolerance = options.motion_tolerance;
   system.options().most_newton_iterations = options.most_newton_iterations;
   if (options.pace) {
     step_s = options.pace->step_s;

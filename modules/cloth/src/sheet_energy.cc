@@ -18,6 +18,25 @@ bool is_bending(StrainKind kind) {
          kind == StrainKind::twist;
 }
 
+/// How much stays of the curvature that may be negative. A fifth less than all of it keeps modes
+/// positive that are about to buckle.
+double kept_curvature(HessianKind kind) {
+  switch (kind) {
+    case HessianKind::exact:
+      return 1.0;
+    case HessianKind::nearly_exact:
+      return 0.8;
+    case HessianKind::convex:
+      break;
+  }
+  return 0.0;
+}
+
+Eigen::Matrix3d row_hessian(double along, double across, const Eigen::Vector3d& direction) {
+  return across * Eigen::Matrix3d::Identity() +
+         (along - across) * direction * direction.transpose();
+}
+
 void store_symmetric(const Eigen::Matrix3d& h, std::array<float, 8>& out) {
   out = {static_cast<float>(h(0, 0)),
          static_cast<float>(h(0, 1)),
@@ -77,10 +96,11 @@ struct ShearAngle {
 }  // namespace
 
 struct SheetEnergy::RowSlots {
-  HessianKind kind;
+  double kept;  // part of the curvature of lengths and angles that may be negative
   std::vector<std::array<double, 3>> gradient;
   StrainHessian* hessian;
 
+  double damped(double curvature) const { return curvature < 0.0 ? kept * curvature : curvature; }
   void set_gradient(int e, const Eigen::Vector3d& g) {
     if (!gradient.empty()) gradient[e] = {g[0], g[1], g[2]};
   }
@@ -193,12 +213,8 @@ double SheetEnergy::evaluate_row(const Points& positions_m, StrainKind strain, i
   slots.set_gradient(e, area * g);
   if (slots.hessian != nullptr) {
     // Across the direction the force turns with it. Compression makes that negative.
-    double across = length > tiny_length ? law.force / length : law.stiffness;
-    if (slots.kind == HessianKind::convex) across = std::max(across, 0.0);
-    double along = law.stiffness;
-    if (slots.kind == HessianKind::convex) along = std::max(along, 0.0);
-    Eigen::Matrix3d h =
-        across * Eigen::Matrix3d::Identity() + (along - across) * direction * direction.transpose();
+    const double across = slots.damped(length > tiny_length ? law.force / length : law.stiffness);
+    Eigen::Matrix3d h = row_hessian(slots.damped(law.stiffness), across, direction);
     if (lossy.stiffness != 0.0) h += lossy.stiffness * normal_[e] * normal_[e].transpose();
     store_symmetric(area * h, slots.hessian->rows[e]);
   }
@@ -220,12 +236,9 @@ double SheetEnergy::evaluate_shear(const Points& positions_m, int pair, RowSlots
   slots.set_gradient(e, area * law.force * shear.by_warp);
   slots.set_gradient(f, area * law.force * shear.by_weft);
   if (slots.hessian != nullptr) {
-    double outer = law.stiffness * shear.slope * shear.slope;
-    double inner = 0.0;
-    if (slots.kind == HessianKind::exact) {
-      outer += law.force * shear.bend;
-      inner = law.force * shear.slope;
-    }
+    const double outer =
+        law.stiffness * shear.slope * shear.slope + slots.kept * law.force * shear.bend;
+    const double inner = slots.kept * law.force * shear.slope;
     const auto& by_a = shear.sine_by_warp;
     const auto& by_b = shear.sine_by_weft;
     store_symmetric(area * (outer * by_a * by_a.transpose() + inner * shear.sine_by_warp_warp()),
@@ -245,7 +258,7 @@ double SheetEnergy::evaluate_shear(const Points& positions_m, int pair, RowSlots
 
 double SheetEnergy::evaluate(const Points& positions_m, HessianKind kind, Points* gradient,
                              StrainHessian* hessian) const {
-  RowSlots slots{kind, {}, hessian};
+  RowSlots slots{kept_curvature(kind), {}, hessian};
   if (gradient != nullptr) slots.gradient.resize(deformation_.row_count());
   const int pairs =
       deformation_.last(StrainKind::shear_warp) - deformation_.first(StrainKind::shear_warp);
@@ -297,6 +310,34 @@ void SheetEnergy::gather_gradient(const RowSlots& slots, Points& gradient) const
       gradient.row(v) = sum;
     }
   });
+}
+
+void SheetEnergy::resist_lengthening(const Points& from, const Points& to, Points& gradient,
+                                     StrainHessian& hessian) const {
+  RowSlots slots{0.0, {}, &hessian};
+  slots.gradient.assign(deformation_.row_count(), {});
+  for (const StrainKind kind : {StrainKind::warp, StrainKind::weft}) {
+    const double taut = response(kind).elastic.evaluate(0.0).slope;
+    const int first = deformation_.first(kind), count = deformation_.last(kind) - first;
+    parallel_for((count + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
+      const int begin = static_cast<int>(c) * chunk_rows;
+      for (int e = first + begin; e < first + std::min(count, begin + chunk_rows); ++e) {
+        const Eigen::Vector3d before = deformation_.strain(from, e);
+        const Eigen::Vector3d now = deformation_.strain(to, e);
+        const double length = std::max(before.norm(), tiny_length);
+        const double foreseen = length + before.dot(now - before) / length;
+        const LawPoint law = length_law(kind, e, foreseen);
+        // Slack yarns would be taut if they were lengthened.
+        const double stiffness = std::max(taut, law.stiffness);
+        const Eigen::Vector3d direction = now / std::max(now.norm(), tiny_length);
+        const double area = deformation_.area_m2(e);
+        slots.set_gradient(e, area * stiffness * (now.norm() - foreseen) * direction);
+        store_symmetric(area * row_hessian(stiffness, slots.damped(law.force / length), direction),
+                        hessian.rows[e]);
+      }
+    });
+  }
+  gather_gradient(slots, gradient);
 }
 
 double SheetEnergy::energy(const Points& positions_m) const {

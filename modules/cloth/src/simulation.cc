@@ -595,8 +595,8 @@ std::uint64_t simulation_key(const ClothScene& scene, const SimulationOptions& o
         static_cast<double>(options.step.most_newton_iterations), options.longest_step_s,
         options.smallest_step_s, options.strain_limit, options.frames_per_second,
         options.rest.tolerance, options.rest.first_step_s, options.rest.longest_step_s,
-        options.rest.linear_tolerance, static_cast<double>(options.rest.most_newton_iterations),
-        options.coarsest_spacing_m}) {
+        options.rest.linear_tolerance, options.rest.motion_tolerance,
+        static_cast<double>(options.rest.most_newton_iterations), options.coarsest_spacing_m}) {
     key.add(value);
   }
   return key.sum();

@@ -52,10 +52,9 @@ struct StepOptions {
   /// root sums of squares over the vertices) ...
   double tolerance = 1e-3;
   /// ... or when what Newton's method still changes is, in the norm of the kinetic energy, below
-  /// this fraction of the change of velocity in the step.
+  /// this fraction of the change of velocity in the step (quasistatic: of the way of the step).
   double motion_tolerance = 0.2;
   int most_newton_iterations = 30;
-  HessianKind hessian = HessianKind::convex;
 };
 
 /// What a step did.
@@ -111,7 +110,14 @@ class ClothSystem {
   StepReport solve_among_moving(Step& step, double end_s, Points& x);
   double change_of_motion(const Step& step, const Points& x) const;
   double value(const Step& step, const Points& x);
-  double derivatives(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
+  double derivatives(const Step& step, const Points& x, Points& gradient,
+                     std::optional<HessianKind> hessian);
+  double add_contacts(const Step& step, const Points& x, Points& gradient, BlockMatrix* matrix);
+  void assemble(const Step& step);
+  LinearSolution solve_linear(const Points& gradient, Points& change);
+  Points keep_lengths(const Step& step, const Points& x, const Points& ahead, StepReport& report);
+  double search(const Step& step, double current, double slope, const Points& direction, Points& x,
+                StepReport& report);
 
   ClothScene scene_;
   StepOptions options_;

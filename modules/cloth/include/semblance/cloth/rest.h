@@ -34,6 +34,7 @@ struct RestOptions {
   /// StepOptions of every step: on the way to rest rough solutions serve, and steps need not be
   /// solved.
   double linear_tolerance = 0.1;
+  double motion_tolerance = 0.1;
   int most_newton_iterations = 40;
   /// Goes on with this pace, where an earlier call was interrupted.
   std::optional<RestPace> pace;

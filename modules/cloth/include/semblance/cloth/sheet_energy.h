@@ -39,8 +39,9 @@ struct StrainHessian {
   std::vector<std::array<float, 12>> shear;
 };
 
-/// Which Hessian: the true one, or the nearest simple one without negative curvature.
-enum class HessianKind { exact, convex };
+/// Which Hessian: the true one; one without the curvature of lengths and angles where that can be
+/// negative, and so without negative curvature; or that with most of it, which seldom has any.
+enum class HessianKind { exact, convex, nearly_exact };
 
 /// What a sheet remembers from step to step, per row of its Deformation (shear: per pair, at the
 /// first row): where each slider is anchored and how large the deformation was.
@@ -79,6 +80,13 @@ class SheetEnergy {
   /// Energy, gradient and second derivatives in the rows.
   double hessian(const Points& positions_m, HessianKind kind, Points& gradient,
                  StrainHessian& hessian) const;
+
+  /// Turning yarns lengthens them on a straight way from `from` to `to`, by more than their strains
+  /// at `from` and the derivatives there foresaw. Sets `gradient` to that of the energy by which
+  /// they would shrink to the lengths foreseen, and `hessian`'s rows of tension to its second
+  /// derivatives; the other rows stay.
+  void resist_lengthening(const Points& from, const Points& to, Points& gradient,
+                          StrainHessian& hessian) const;
 
   /// Elongation |d| - 1 of every warp and weft row, in the order of the rows.
   std::vector<double> elongations(const Points& positions_m) const;
