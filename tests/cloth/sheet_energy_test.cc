@@ -125,6 +125,57 @@ TEST_P(SheetEnergies, ConvexMatrixHasNoNegativeCurvature) {
   EXPECT_GT(lowest, -1e-6 * a.norm());
 }
 
+TEST_P(SheetEnergies, NearlyExactMatrixIsFourFifthsOfTheWayFromConvexToExact) {
+  const Points x = crumpled(sheet_, 2e-3);
+  const Eigen::MatrixXd convex = dense(matrix(x, HessianKind::convex)),
+                        exact = dense(matrix(x, HessianKind::exact)),
+                        nearly = dense(matrix(x, HessianKind::nearly_exact));
+  EXPECT_GT((exact - convex).norm(), 1e-3 * exact.norm());
+  EXPECT_LT((nearly - convex - 0.8 * (exact - convex)).norm(), 1e-6 * exact.norm());
+}
+
+/// A straight way that turns the sheet about an edge lengthens its yarns and should not.
+TEST_P(SheetEnergies, YarnsResistWhatAStraightWayLengthensThem) {
+  const Points from = laid_flat(sheet_);
+  Points to = from;
+  to.col(1) += 0.2 * from.col(0);  // longer by 2 %
+  Points gradient;
+  StrainHessian strains;
+  energy_.hessian(from, HessianKind::convex, gradient, strains);
+  energy_.resist_lengthening(from, to, gradient, strains);
+
+  // All warp yarns are lengthened alike and so have the same stiffness.
+  const auto squares = [&](const Points& x) {
+    const std::vector<double> elongations = energy_.elongations(x);
+    double sum = 0.0;
+    for (std::size_t e = 0; e < elongations.size(); ++e)
+      sum += energy_.deformation().area_m2(static_cast<int>(e)) * elongations[e] * elongations[e];
+    return sum;
+  };
+  const double h = 1e-6;
+  std::vector<double> stiffnesses;
+  for (const int seed : {5, 6}) {
+    Points d = random_points(to.rows(), seed);
+    d.col(0).setZero(), d.col(2).setZero();  // from `from` on across the yarns: none is foreseen
+    stiffnesses.push_back(gradient.cwiseProduct(d).sum() * 4.0 * h /
+                          (squares(to + h * d) - squares(to - h * d)));
+  }
+  EXPECT_GT(stiffnesses[0], 0.0);
+  EXPECT_NEAR(stiffnesses[0], stiffnesses[1], 1e-4 * stiffnesses[0]);
+
+  const Assembly assembly(energy_.deformation(), static_cast<int>(to.rows()), {});
+  BlockMatrix shrinking;
+  assembly.assemble(strains, shrinking);
+  // Holds the sheet against motions as a whole, which change no length.
+  for (Symmetric3& own : shrinking.own) own[0] = own[3] = own[5] = 0.05f;
+  shrinking.complete_diagonal();
+  const Points down = -gradient;
+  const Eigen::VectorXd change =
+      dense(shrinking).ldlt().solve(Eigen::Map<const Eigen::VectorXd>(down.data(), down.size()));
+  to += Eigen::Map<const Points>(change.data(), to.rows(), 3);
+  for (const double elongation : energy_.elongations(to)) EXPECT_LT(std::abs(elongation), 0.002);
+}
+
 TEST_P(SheetEnergies, DoesNotChangeWhenTheSheetMovesAsAWhole) {
   const Points x = crumpled(sheet_, 1e-3);
   const Eigen::Matrix3d turn =

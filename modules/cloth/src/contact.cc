@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <utility>
 
 #include "contact_finder.h"
 #include "penetration.h"
@@ -334,6 +336,36 @@ std::vector<Penetration> ContactFinder::Impl::penetrations(const Points& x,
   return find_penetrations(topology_, placed_, x, options_.self_contact, brute_force);
 }
 
+double ContactFinder::Impl::push_out(Points& x, double stride_m) {
+  constexpr int most_rounds = 10;
+  const Points start = x;
+  for (int round = 0; round < most_rounds; ++round) {
+    std::set<std::pair<int, int>> stuck;  // vertices and the obstacles that they are to leave
+    for (const Penetration& found : penetrations(x, false)) {
+      const bool by_triangle = found.kind == Penetration::Kind::obstacle_edge_cloth_triangle;
+      for (const int v : by_triangle
+                             ? std::vector<int>(found.triangle.begin(), found.triangle.end())
+                             : std::vector<int>(found.edge.begin(), found.edge.end()))
+        if (v >= 0) stuck.emplace(v, found.obstacle);
+    }
+    if (stuck.empty()) {
+      update(x);
+      for (const Contact& contact : contacts(x))
+        if (contact.gap_m <= 0.0)
+          for (const int v : contact.vertex)
+            if (v >= 0) stuck.emplace(v, contact.obstacle);
+    }
+    bool moved = false;
+    for (const auto& [v, obstacle] : stuck) {
+      if (obstacle < 0 || !placed_[obstacle].is_solid()) continue;
+      x.row(v) += stride_m * placed_[obstacle].closest(x.row(v)).normal;
+      moved = true;
+    }
+    if (!moved) break;
+  }
+  return (x - start).rowwise().norm().maxCoeff();
+}
+
 std::optional<std::string> ContactFinder::Impl::start_problem(const Points& x) {
   if (!x.allFinite()) return "a position of the cloth is not finite";
   const std::vector<Penetration> found = penetrations(x, false);
@@ -397,6 +429,9 @@ const Points& ContactFinder::obstacle_positions(int obstacle) const {
 std::vector<Penetration> ContactFinder::penetrations(const Points& positions_m,
                                                      bool brute_force) const {
   return impl_->penetrations(positions_m, brute_force);
+}
+double ContactFinder::push_out(Points& positions_m, double stride_m) {
+  return impl_->push_out(positions_m, stride_m);
 }
 std::optional<std::string> ContactFinder::start_problem(const Points& positions_m) {
   return impl_->start_problem(positions_m);

@@ -78,6 +78,7 @@ class ContactFinder::Impl {
   double max_step_until(const Points& x, const Points& dx, double time_s);
   void move_obstacles(double time_s, double fraction);
   std::vector<Penetration> penetrations(const Points& x, bool brute_force) const;
+  double push_out(Points& x, double stride_m);
   std::optional<std::string> start_problem(const Points& x);
   Statistics statistics() const;
 

@@ -326,12 +326,15 @@ void SheetEnergy::resist_lengthening(const Points& from, const Points& to, Point
         const Eigen::Vector3d now = deformation_.strain(to, e);
         const double length = std::max(before.norm(), tiny_length);
         const double foreseen = length + before.dot(now - before) / length;
+        const double excess = now.norm() - foreseen;
         const LawPoint law = length_law(kind, e, foreseen);
-        // Slack yarns would be taut if they were lengthened.
-        const double stiffness = std::max(taut, law.stiffness);
+        // Slack yarns too get the stiffness of taut ones: the excess may have made them taut.
+        const double gain = length_law(kind, e, foreseen + excess).force - law.force;
+        const double stiffness =
+            std::max({taut, law.stiffness, gain / std::max(excess, tiny_length)});
         const Eigen::Vector3d direction = now / std::max(now.norm(), tiny_length);
         const double area = deformation_.area_m2(e);
-        slots.set_gradient(e, area * stiffness * (now.norm() - foreseen) * direction);
+        slots.set_gradient(e, area * stiffness * excess * direction);
         store_symmetric(area * row_hessian(stiffness, slots.damped(law.force / length), direction),
                         hessian.rows[e]);
       }

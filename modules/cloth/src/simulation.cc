@@ -248,6 +248,7 @@ void Run::begin_level(double spacing_m) {
 void Run::begin_from(const ClothScene& coarse, const Points& positions_m) {
   const ClothScene& scene = system_->scene();
   Points refined = refine(coarse.sheet, positions_m, scene.sheet);
+  const double pushed_m = system_->contacts().push_out(refined, 0.25 * level().spacing_m);
   for (const int v : scene.fixed) refined.row(v) = scene.start_m.row(v);
   std::string first_problem;
   for (const double share : start_shares) {
@@ -257,11 +258,13 @@ void Run::begin_from(const ClothScene& coarse, const Points& positions_m) {
       if (first_problem.empty()) first_problem = *problem;
       continue;
     }
-    level().start = share == 0.0 ? "the coarser shape"
-                                 : fmt::format(
-                                       "the coarser shape, with {:g} % of the scene's start "
-                                       "mixed in, because it crosses: {}",
-                                       100.0 * share, first_problem);
+    level().start = "the coarser shape";
+    if (pushed_m > 0.0)
+      level().start += fmt::format(", pushed out of bodies by up to {:.1f} mm", 1e3 * pushed_m);
+    if (share > 0.0)
+      level().start +=
+          fmt::format(", with {:g} % of the scene's start mixed in, because it crosses: {}",
+                      100.0 * share, first_problem);
     now_.state.positions_m = start;
     now_.state.memory = system_->energy().memory_at(start);
     break;
