@@ -64,6 +64,35 @@ TEST(Penetrations, SeeAnEdgeThatCutsASharpEdgeBetweenVertices) {
   for (const Penetration& p : found) EXPECT_NE(p.kind, Kind::vertex_inside);
 }
 
+TEST(Start, ClothIsPushedOutOfSolidsAndStaysWhereItIsClear) {
+  const ContactSurface sheet = make_sheet(11, 11, 0.01);
+  const Rigid3 below{Eigen::Quaterniond::Identity(), {0.0, -0.1, 0.0}};
+  ContactFinder finder(sheet, {make_box("table", {0.1, 0.2, 0.3}, below)}, {});
+  // Folded over the table's edge, but a chord cuts it: no vertex is inside.
+  Points x = sheet.rest_positions_m;
+  const double middle = 0.5 * (x.col(0).minCoeff() + x.col(0).maxCoeff());
+  for (Eigen::Index v = 0; v < x.rows(); ++v) {
+    const double along = x(v, 0) - middle - 0.005;  // triangles bridge the edge
+    x(v, 0) = along < 0.0 ? 0.05 + along : 0.0515;
+    x(v, 1) = along < 0.0 ? 0.0015 : 0.0015 - along;
+  }
+  const auto found = finder.penetrations(x);
+  ASSERT_FALSE(found.empty());
+  for (const Penetration& p : found) ASSERT_EQ(p.obstacle, 0);
+  const Points before = x;
+  const double moved_m = finder.push_out(x, 0.0025);
+  EXPECT_EQ(finder.start_problem(x), std::nullopt);
+  EXPECT_TRUE(finder.penetrations(x, true).empty());
+  EXPECT_GT(moved_m, 0.0);
+  EXPECT_LE(moved_m, 0.01);
+  for (Eigen::Index v = 0; v < x.rows(); ++v) {
+    const bool is_clear = before(v, 0) < 0.03 || before(v, 1) < -0.02;
+    if (is_clear) {
+      EXPECT_EQ(x.row(v), before.row(v)) << v;
+    }
+  }
+}
+
 TEST(Start, SaysWhatIsInTheWay) {
   const ContactSurface sheet = make_sheet(11, 11, 0.01);
   ContactOptions options;
