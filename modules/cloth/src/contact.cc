@@ -337,7 +337,7 @@ std::vector<Penetration> ContactFinder::Impl::penetrations(const Points& x,
 }
 
 double ContactFinder::Impl::push_out(Points& x, double stride_m) {
-  constexpr int most_rounds = 10;
+  constexpr int most_rounds = 30;
   const Points start = x;
   for (int round = 0; round < most_rounds; ++round) {
     std::set<std::pair<int, int>> stuck;  // vertices and the obstacles that they are to leave

@@ -248,31 +248,35 @@ void Run::begin_level(double spacing_m) {
 void Run::begin_from(const ClothScene& coarse, const Points& positions_m) {
   const ClothScene& scene = system_->scene();
   Points refined = refine(coarse.sheet, positions_m, scene.sheet);
-  const double pushed_m = system_->contacts().push_out(refined, 0.25 * level().spacing_m);
   for (const int v : scene.fixed) refined.row(v) = scene.start_m.row(v);
-  std::string first_problem;
-  for (const double share : start_shares) {
-    const Points start = (1.0 - share) * refined + share * scene.start_m;
-    const auto problem = system_->contacts().start_problem(start);
-    if (problem) {
-      if (first_problem.empty()) first_problem = *problem;
-      continue;
-    }
-    level().start = "the coarser shape";
-    if (pushed_m > 0.0)
-      level().start += fmt::format(", pushed out of bodies by up to {:.1f} mm", 1e3 * pushed_m);
-    if (share > 0.0)
-      level().start +=
-          fmt::format(", with {:g} % of the scene's start mixed in, because it crosses: {}",
-                      100.0 * share, first_problem);
+  const auto start_at = [&](const Points& start, const std::string& which) {
+    level().start = which;
     now_.state.positions_m = start;
     now_.state.memory = system_->energy().memory_at(start);
-    break;
-  }
-  if (level().start == "the scene's start") {
-    level().start += ", because the coarser shape crosses: " + first_problem;
-  }
-  if (!first_problem.empty()) {
+  };
+  Points pushed = refined;
+  const double pushed_m = system_->contacts().push_out(pushed, 0.05 * level().spacing_m);
+  for (const int v : scene.fixed) pushed.row(v) = scene.start_m.row(v);
+  if (!system_->contacts().start_problem(pushed)) {
+    start_at(pushed, pushed_m == 0.0
+                         ? "the coarser shape"
+                         : fmt::format("the coarser shape, pushed out of bodies by up to {:.1f} mm",
+                                       1e3 * pushed_m));
+  } else {
+    std::string first_problem;
+    for (const double share : start_shares) {
+      const Points start = (1.0 - share) * refined + share * scene.start_m;
+      const auto problem = system_->contacts().start_problem(start);
+      if (first_problem.empty()) first_problem = problem.value_or("");
+      if (problem) continue;
+      start_at(start, fmt::format("the coarser shape, with {:g} % of the scene's start mixed in, "
+                                  "because it crosses: {}",
+                                  100.0 * share, first_problem));
+      break;
+    }
+    if (level().start == "the scene's start") {
+      level().start += ", because the coarser shape crosses: " + first_problem;
+    }
     sink_.warn(fmt::format("level of {:g} m starts from {}", level().spacing_m, level().start));
   }
   system_->contacts().update(now_.state.positions_m, 0.0);

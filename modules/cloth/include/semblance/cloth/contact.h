@@ -150,8 +150,8 @@ class ContactFinder {
   std::vector<Penetration> penetrations(const Points& positions_m, bool brute_force = false) const;
 
   /// Moves vertices of cloth that cuts solids, or is nearer to them than the thickness, along the
-  /// solids' normals, by `stride_m` and again until it is clear, at most ten times. Cloth that cuts
-  /// itself, or meshes, stays as it is. Returns the longest move.
+  /// solids' normals, by `stride_m` and again until it is clear, at most thirty times. Cloth that
+  /// cuts itself, or meshes, stays as it is. Returns the longest move.
   double push_out(Points& positions_m, double stride_m);
 
   /// Nothing if cloth at `positions_m` can be simulated from there; else a sentence that names the
