@@ -3,8 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <set>
-#include <utility>
+#include <span>
 
 #include "contact_finder.h"
 #include "penetration.h"
@@ -336,32 +335,36 @@ std::vector<Penetration> ContactFinder::Impl::penetrations(const Points& x,
   return find_penetrations(topology_, placed_, x, options_.self_contact, brute_force);
 }
 
+/// Vertices that cut a solid with their triangles or, if none do, are too near to one; with it.
+std::set<std::pair<int, int>> ContactFinder::Impl::stuck_in_solids(const Points& x) {
+  std::set<std::pair<int, int>> stuck;
+  const auto add = [&](std::span<const int> vertices, int obstacle) {
+    if (obstacle < 0 || !placed_[obstacle].is_solid()) return;
+    for (const int v : vertices)
+      if (v >= 0) stuck.emplace(v, obstacle);
+  };
+  for (const Penetration& found : penetrations(x, false)) {
+    if (found.kind == Penetration::Kind::obstacle_edge_cloth_triangle) {
+      add(found.triangle, found.obstacle);
+    } else {
+      add(found.edge, found.obstacle);
+    }
+  }
+  if (!stuck.empty()) return stuck;
+  update(x);
+  for (const Contact& contact : contacts(x))
+    if (contact.gap_m <= 0.0) add(contact.vertex, contact.obstacle);
+  return stuck;
+}
+
 double ContactFinder::Impl::push_out(Points& x, double stride_m) {
   constexpr int most_rounds = 30;
   const Points start = x;
   for (int round = 0; round < most_rounds; ++round) {
-    std::set<std::pair<int, int>> stuck;  // vertices and the obstacles that they are to leave
-    for (const Penetration& found : penetrations(x, false)) {
-      const bool by_triangle = found.kind == Penetration::Kind::obstacle_edge_cloth_triangle;
-      for (const int v : by_triangle
-                             ? std::vector<int>(found.triangle.begin(), found.triangle.end())
-                             : std::vector<int>(found.edge.begin(), found.edge.end()))
-        if (v >= 0) stuck.emplace(v, found.obstacle);
-    }
-    if (stuck.empty()) {
-      update(x);
-      for (const Contact& contact : contacts(x))
-        if (contact.gap_m <= 0.0)
-          for (const int v : contact.vertex)
-            if (v >= 0) stuck.emplace(v, contact.obstacle);
-    }
-    bool moved = false;
-    for (const auto& [v, obstacle] : stuck) {
-      if (obstacle < 0 || !placed_[obstacle].is_solid()) continue;
+    const auto stuck = stuck_in_solids(x);
+    if (stuck.empty()) break;
+    for (const auto& [v, obstacle] : stuck)
       x.row(v) += stride_m * placed_[obstacle].closest(x.row(v)).normal;
-      moved = true;
-    }
-    if (!moved) break;
   }
   return (x - start).rowwise().norm().maxCoeff();
 }

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -78,6 +79,7 @@ class ContactFinder::Impl {
   double max_step_until(const Points& x, const Points& dx, double time_s);
   void move_obstacles(double time_s, double fraction);
   std::vector<Penetration> penetrations(const Points& x, bool brute_force) const;
+  std::set<std::pair<int, int>> stuck_in_solids(const Points& x);
   double push_out(Points& x, double stride_m);
   std::optional<std::string> start_problem(const Points& x);
   Statistics statistics() const;

@@ -314,32 +314,25 @@ void SheetEnergy::gather_gradient(const RowSlots& slots, Points& gradient) const
 
 void SheetEnergy::resist_lengthening(const Points& from, const Points& to, Points& gradient,
                                      StrainHessian& hessian) const {
-  RowSlots slots{0.0, {}, &hessian};
+  RowSlots slots{kept_curvature(HessianKind::convex), {}, &hessian};
   slots.gradient.assign(deformation_.row_count(), {});
-  for (const StrainKind kind : {StrainKind::warp, StrainKind::weft}) {
+  each_row({StrainKind::warp, StrainKind::weft}, [&](StrainKind kind, int e) {
+    const Eigen::Vector3d before = deformation_.strain(from, e);
+    const Eigen::Vector3d now = deformation_.strain(to, e);
+    const double length = std::max(before.norm(), tiny_length);
+    const double foreseen = length + before.dot(now - before) / length;
+    const double excess = now.norm() - foreseen;
+    const LawPoint law = length_law(kind, e, foreseen);
+    // Slack yarns too get the stiffness of taut ones: the excess may have made them taut.
     const double taut = response(kind).elastic.evaluate(0.0).slope;
-    const int first = deformation_.first(kind), count = deformation_.last(kind) - first;
-    parallel_for((count + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
-      const int begin = static_cast<int>(c) * chunk_rows;
-      for (int e = first + begin; e < first + std::min(count, begin + chunk_rows); ++e) {
-        const Eigen::Vector3d before = deformation_.strain(from, e);
-        const Eigen::Vector3d now = deformation_.strain(to, e);
-        const double length = std::max(before.norm(), tiny_length);
-        const double foreseen = length + before.dot(now - before) / length;
-        const double excess = now.norm() - foreseen;
-        const LawPoint law = length_law(kind, e, foreseen);
-        // Slack yarns too get the stiffness of taut ones: the excess may have made them taut.
-        const double gain = length_law(kind, e, foreseen + excess).force - law.force;
-        const double stiffness =
-            std::max({taut, law.stiffness, gain / std::max(excess, tiny_length)});
-        const Eigen::Vector3d direction = now / std::max(now.norm(), tiny_length);
-        const double area = deformation_.area_m2(e);
-        slots.set_gradient(e, area * stiffness * excess * direction);
-        store_symmetric(area * row_hessian(stiffness, slots.damped(law.force / length), direction),
-                        hessian.rows[e]);
-      }
-    });
-  }
+    const double gain = length_law(kind, e, foreseen + excess).force - law.force;
+    const double stiffness = std::max({taut, law.stiffness, gain / std::max(excess, tiny_length)});
+    const Eigen::Vector3d direction = now / std::max(now.norm(), tiny_length);
+    const double area = deformation_.area_m2(e);
+    slots.set_gradient(e, area * stiffness * excess * direction);
+    store_symmetric(area * row_hessian(stiffness, slots.damped(law.force / length), direction),
+                    hessian.rows[e]);
+  });
   gather_gradient(slots, gradient);
 }
 
@@ -356,15 +349,21 @@ double SheetEnergy::hessian(const Points& positions_m, HessianKind kind, Points&
   return evaluate(positions_m, kind, &gradient, &hessian);
 }
 
-void SheetEnergy::each_lossy_row(const std::function<void(StrainKind, int)>& body) const {
-  for (const StrainKind kind : {StrainKind::warp, StrainKind::weft, StrainKind::shear_warp,
-                                StrainKind::bend_warp, StrainKind::bend_weft, StrainKind::twist}) {
+void SheetEnergy::each_row(std::initializer_list<StrainKind> kinds,
+                           const std::function<void(StrainKind, int)>& body) const {
+  for (const StrainKind kind : kinds) {
     const int first = deformation_.first(kind), count = deformation_.last(kind) - first;
     parallel_for((count + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
       const int begin = static_cast<int>(c) * chunk_rows;
       for (int k = begin; k < std::min(count, begin + chunk_rows); ++k) body(kind, first + k);
     });
   }
+}
+
+void SheetEnergy::each_lossy_row(const std::function<void(StrainKind, int)>& body) const {
+  each_row({StrainKind::warp, StrainKind::weft, StrainKind::shear_warp, StrainKind::bend_warp,
+            StrainKind::bend_weft, StrainKind::twist},
+           body);
 }
 
 SheetMemory SheetEnergy::memory_at(const Points& positions_m) {

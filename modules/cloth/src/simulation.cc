@@ -33,7 +33,7 @@ constexpr double largest_barrier_factor = 4096.0;
 
 /// Of the refined shape and the flat start: how much of the latter is tried, one after the other,
 /// where the refined shape crosses something.
-constexpr double start_shares[] = {0.0, 0.01, 0.03, 0.1, 0.3};
+constexpr double start_shares[] = {0.01, 0.03, 0.1, 0.3};
 
 double wall_clock_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -263,19 +263,18 @@ void Run::begin_from(const ClothScene& coarse, const Points& positions_m) {
                          : fmt::format("the coarser shape, pushed out of bodies by up to {:.1f} mm",
                                        1e3 * pushed_m));
   } else {
-    std::string first_problem;
+    const std::string crosses =
+        "because it crosses: " + system_->contacts().start_problem(refined).value_or("");
     for (const double share : start_shares) {
       const Points start = (1.0 - share) * refined + share * scene.start_m;
-      const auto problem = system_->contacts().start_problem(start);
-      if (first_problem.empty()) first_problem = problem.value_or("");
-      if (problem) continue;
-      start_at(start, fmt::format("the coarser shape, with {:g} % of the scene's start mixed in, "
-                                  "because it crosses: {}",
-                                  100.0 * share, first_problem));
+      if (system_->contacts().start_problem(start)) continue;
+      start_at(start,
+               fmt::format("the coarser shape, with {:g} % of the scene's start mixed in, {}",
+                           100.0 * share, crosses));
       break;
     }
     if (level().start == "the scene's start") {
-      level().start += ", because the coarser shape crosses: " + first_problem;
+      level().start += ", not from the coarser shape, " + crosses;
     }
     sink_.warn(fmt::format("level of {:g} m starts from {}", level().spacing_m, level().start));
   }
@@ -494,6 +493,11 @@ void Run::settle_level() {
   const RestReport report = settle(*system_, now_.state, rest, progress_);
   level().at_rest = report.at_rest;
   stopped_ = !report.at_rest && progress_.cancelled();
+  if (!report.at_rest && !stopped_)
+    sink_.warn(
+        fmt::format("level of {:g} m is not at rest after {} steps: {:.1e} of the weight is "
+                    "not balanced",
+                    level().spacing_m, report.steps, report.residual));
 }
 
 // ---- records

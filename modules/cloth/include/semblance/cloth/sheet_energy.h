@@ -3,6 +3,7 @@
 
 #include <array>
 #include <functional>
+#include <initializer_list>
 #include <vector>
 
 #include "semblance/cloth/deformation.h"
@@ -99,6 +100,9 @@ class SheetEnergy {
   double evaluate_shear(const Points& positions_m, int pair, RowSlots& slots) const;
   void gather_gradient(const RowSlots& slots, Points& gradient) const;
   void set_normals(const Points& positions_m);
+  /// On several threads.
+  void each_row(std::initializer_list<StrainKind> kinds,
+                const std::function<void(StrainKind, int)>& body) const;
   void each_lossy_row(const std::function<void(StrainKind, int)>& body) const;
   const ModeResponse& response(StrainKind kind) const;
   LawPoint length_law(StrainKind kind, int e, double length) const;
