@@ -188,6 +188,18 @@ TEST(Simulation, RefusesOptionsThatDoNotFit) {
   EXPECT_THAT(run, ThrowsMessage<InvalidInput>(HasSubstr("longest step")));
 }
 
+TEST(Simulation, SaysWhichLevelIsNotAtRest) {
+  const SimulationSetup setup = preset_setup("table", plausible_fabric());
+  SimulationOptions options = some_options(SimulationMethod::coarse_to_fine, 0.05);
+  options.coarsest_spacing_m = 0.1;
+  options.rest.most_steps = 1;
+  Notes notes;
+  const SimulationSummary summary = simulate(setup, options, notes, silent_progress());
+  EXPECT_FALSE(summary.at_rest);
+  for (const char* level : {"level of 0.1 m is not at rest", "level of 0.05 m is not at rest"})
+    EXPECT_THAT(notes.warnings, Contains(HasSubstr(level)));
+}
+
 /// A step of half a second is shortened until the strain behaves.
 TEST(Simulation, StepsThatAreTooLongAreHalved) {
   const SimulationSetup setup = preset_setup("pinned", plausible_fabric());
