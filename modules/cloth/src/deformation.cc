@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <utility>
 
 namespace semblance {
@@ -146,7 +147,12 @@ std::vector<std::array<int, 3>> opposite_vertices(const Triangles& triangles) {
 class TriangleRows {
  public:
   TriangleRows(const Sheet& sheet, const std::vector<bool>& fixed, Deformation& out)
-      : sheet_(sheet), fixed_(fixed), out_(out), opposite_(opposite_vertices(sheet.triangles)) {}
+      : sheet_(sheet), fixed_(fixed), out_(out), opposite_(opposite_vertices(sheet.triangles)) {
+    around_.resize(sheet.vertex_count());
+    for (int t = 0; t < sheet.triangles.rows(); ++t) {
+      for (const int v : sheet.triangles.row(t)) around_[v].push_back(t);
+    }
+  }
 
   void tension() {
     each_triangle([&](int t, double area) { gradient(StrainKind::warp, t, area, 0); });
@@ -159,9 +165,9 @@ class TriangleRows {
   }
 
   void curvature() {
-    each_triangle([&](int t, double area) { patch(StrainKind::bend_warp, t, area, 0); });
-    each_triangle([&](int t, double area) { patch(StrainKind::bend_weft, t, area, 1); });
-    each_triangle([&](int t, double area) { patch(StrainKind::twist, t, area, 2); });
+    each_vertex([&](int v) { second_derivative(StrainKind::bend_warp, v, 0); });
+    each_vertex([&](int v) { second_derivative(StrainKind::bend_weft, v, 1); });
+    each_vertex([&](int v) { second_derivative(StrainKind::twist, v, 2); });
   }
 
   /// Chords across each edge, with a third of the two triangles around it (mirages-2006, 5.3.4.3).
@@ -181,11 +187,21 @@ class TriangleRows {
   template <class Body>
   void each_triangle(const Body& body) {
     for (int t = 0; t < sheet_.triangles.rows(); ++t) {
-      const Eigen::Vector3i v = sheet_.triangles.row(t);
-      if (is_fixed(fixed_, v[0]) && is_fixed(fixed_, v[1]) && is_fixed(fixed_, v[2])) continue;
-      body(t, 0.5 * std::abs(edges(t).determinant()));
+      if (!is_clamped(t)) body(t, area_m2(t));
     }
   }
+
+  template <class Body>
+  void each_vertex(const Body& body) {
+    for (int v = 0; v < sheet_.vertex_count(); ++v) body(v);
+  }
+
+  bool is_clamped(int t) const {
+    const Eigen::Vector3i v = sheet_.triangles.row(t);
+    return is_fixed(fixed_, v[0]) && is_fixed(fixed_, v[1]) && is_fixed(fixed_, v[2]);
+  }
+
+  double area_m2(int t) const { return 0.5 * std::abs(edges(t).determinant()); }
 
   Eigen::Matrix2d edges(int t) const {
     const Eigen::Vector2d a = sheet_.material_m.row(sheet_.triangles(t, 0));
@@ -204,74 +220,111 @@ class TriangleRows {
     out_.add(kind, area, entries);
   }
 
-  /// Second derivatives (uu, vv, uv) of the quadratic through a triangle and the vertices across
-  /// its edges. Where a border leaves fewer than six vertices it is the one of least curvature,
-  /// which is the natural condition there. Across the edge of a clamp the quadratic has the clamp's
-  /// slope in the edge's middle: all of the turn happens on the free side. On a split grid these
-  /// are the grid's own differences.
-  void patch(StrainKind kind, int t, double area, int which) {
-    std::vector<int> vertices(sheet_.triangles.row(t).begin(), sheet_.triangles.row(t).end());
-    std::vector<int> across;  // the corner that each further vertex lies opposite to
-    for (int k = 0; k < 3; ++k) {
-      if (opposite_[t][k] < 0) continue;
-      vertices.push_back(opposite_[t][k]);
-      across.push_back(k);
-    }
-    const Eigen::Vector2d a = sheet_.material_m.row(vertices[0]);
-    const Eigen::Matrix2d slope = edges(t).inverse();
-    const double scale = std::sqrt(area);
-    const int extra = static_cast<int>(vertices.size()) - 3;
-    if (extra == 0) return;
-    // Height above the triangle's own plane: linear in the vertices on the left, in the three
-    // derivatives on the right. Both vanish at the triangle's corners.
-    Eigen::MatrixXd heights = Eigen::MatrixXd::Zero(extra, 3 + extra);
-    Eigen::MatrixXd shapes(extra, 3);
-    const auto quadratic = [&](const Eigen::Vector2d& p) {
-      return Eigen::RowVector3d(0.5 * p.x() * p.x(), 0.5 * p.y() * p.y(), p.x() * p.y());
+  /// The vertices that take part in a vertex's curvature, itself first, and what they stand for.
+  struct Ring {
+    std::vector<int> vertices;
+    int neighbours = 0;  // that many after the first; behind them what else `clamp` needs
+    double area_m2 = 0.0;
+    int clamp = -1;  // a triangle of it, where the vertex lies at its edge
+  };
+
+  Ring ring_of(int v) const {
+    Ring ring{{v}};
+    const auto add = [&](int other) {
+      if (std::find(ring.vertices.begin(), ring.vertices.end(), other) == ring.vertices.end())
+        ring.vertices.push_back(other);
     };
-    const Eigen::Matrix2d e = edges(t);
-    const auto above_plane = [&](const Eigen::RowVector3d& value, const Eigen::Vector2d& s) {
-      return Eigen::RowVector3d((value - s[0] * quadratic(e.col(0)) - s[1] * quadratic(e.col(1))) /
-                                (scale * scale));
-    };
-    for (int k = 0; k < extra; ++k) {
-      const Eigen::Vector2d p = sheet_.material_m.row(vertices[3 + k]).transpose() - a;
-      const Eigen::Vector2d s = slope * p;  // barycentric
-      heights(k, 0) = -(1.0 - s[0] - s[1]);
-      heights(k, 1) = -s[0];
-      heights(k, 2) = -s[1];
-      heights(k, 3 + k) = 1.0;
-      shapes.row(k) = above_plane(quadratic(p), s);
-      const int first = vertices[(across[k] + 1) % 3], second = vertices[(across[k] + 2) % 3];
-      if (!is_fixed(fixed_, vertices[3 + k]) || !is_fixed(fixed_, first) ||
-          !is_fixed(fixed_, second))
+    for (const int t : around_[v]) {
+      if (is_clamped(t)) {
+        ring.clamp = t;
         continue;
-      // The height is the way from the edge to the vertex times the change of slope at the edge.
-      const Eigen::Vector2d from = sheet_.material_m.row(first).transpose() - a;
-      const Eigen::Vector2d to = sheet_.material_m.row(second).transpose() - a;
-      const Eigen::Vector2d along = (to - from).normalized(), m = 0.5 * (from + to);
-      const Eigen::Vector2d way = p - from - along * along.dot(p - from);
-      shapes.row(k) = above_plane(
-          {m.x() * way.x(), m.y() * way.y(), m.x() * way.y() + m.y() * way.x()}, slope * way);
+      }
+      ring.area_m2 += area_m2(t) / 3.0;
+      for (const int other : sheet_.triangles.row(t)) add(other);
     }
-    // Twist counts twice in the norm of the second derivatives.
-    shapes.col(2) /= std::sqrt(2.0);
-    Eigen::MatrixXd c =
-        shapes.completeOrthogonalDecomposition().pseudoInverse() * heights / (scale * scale);
-    c.row(2) /= std::sqrt(2.0);
-    std::vector<StrainEntry> entries;
-    for (int k = 0; k < 3 + extra; ++k) {
-      if (std::abs(c(which, k)) * scale * scale > 1e-12) {
-        entries.push_back({vertices[k], c(which, k)});
+    // A closed ring must tell slopes and second derivatives, at a clamp the latter only. Where it
+    // is too small, the vertices across its sides help.
+    const std::size_t count = ring.vertices.size() - 1;
+    const bool is_closed = count == around_[v].size();
+    if (ring.clamp < 0 ? is_closed && count < 5 : count < 3) {
+      for (const int t : around_[v]) {
+        for (int k = 0; k < 3; ++k) {
+          if (sheet_.triangles(t, k) == v && !is_clamped(t) && opposite_[t][k] >= 0)
+            add(opposite_[t][k]);
+        }
       }
     }
-    out_.add(kind, entries.empty() ? 0.0 : area, entries);
+    ring.neighbours = static_cast<int>(ring.vertices.size()) - 1;
+    if (ring.clamp >= 0) {
+      for (const int other : sheet_.triangles.row(ring.clamp)) add(other);
+    }
+    return ring;
+  }
+
+  /// Second derivatives (uu, vv, uv) at a vertex: of the quadratic through it that comes nearest to
+  /// its neighbours, and where they leave a choice, as on borders, of the one of least curvature,
+  /// which is the natural condition there. At the edge of a clamp the quadratic has the clamp's
+  /// slope: all of the turn happens on the free side. Every vertex has its own, so that no wave of
+  /// the mesh goes unnoticed.
+  void second_derivative(StrainKind kind, int v, int which) {
+    const Ring ring = ring_of(v);
+    if (ring.area_m2 == 0.0) return;
+    const double scale = std::sqrt(ring.area_m2);
+    const int count = ring.neighbours;
+    const Eigen::Vector2d origin = sheet_.material_m.row(v);
+    Eigen::MatrixXd heights = Eigen::MatrixXd::Zero(count, ring.vertices.size());
+    Eigen::MatrixXd slopes(count, 2), shapes(count, 3);
+    for (int k = 0; k < count; ++k) {
+      const Eigen::Vector2d p =
+          (sheet_.material_m.row(ring.vertices[1 + k]).transpose() - origin) / scale;
+      heights(k, 0) = -1.0;
+      heights(k, 1 + k) = 1.0;
+      slopes.row(k) = p;
+      // Twist counts twice in the norm of the second derivatives.
+      shapes.row(k) << 0.5 * p.x() * p.x(), 0.5 * p.y() * p.y(),
+          p.x() * p.y() / std::numbers::sqrt2;
+    }
+    if (ring.clamp >= 0) {
+      heights -= scale * slopes * slope_of(ring);
+    } else {
+      // What any slope explains counts for nothing.
+      const Eigen::MatrixXd rest =
+          Eigen::MatrixXd::Identity(count, count) -
+          slopes * slopes.completeOrthogonalDecomposition().pseudoInverse();
+      heights = rest * heights;
+      shapes = rest * shapes;
+    }
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> fit;
+    fit.setThreshold(1e-2);
+    fit.compute(shapes);
+    Eigen::RowVectorXd c = fit.pseudoInverse().row(which) * heights / (scale * scale);
+    if (which == 2) c /= std::numbers::sqrt2;
+    std::vector<StrainEntry> entries;
+    for (Eigen::Index k = 0; k < c.size(); ++k) {
+      if (std::abs(c[k]) * scale * scale > 1e-9) entries.push_back({ring.vertices[k], c[k]});
+    }
+    out_.add(kind, entries.empty() ? 0.0 : ring.area_m2, entries);
+  }
+
+  /// Both derivatives of the clamp's plane, by the vertices of its ring.
+  Eigen::MatrixXd slope_of(const Ring& ring) const {
+    Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(2, ring.vertices.size());
+    const Eigen::Matrix2d c = edges(ring.clamp).inverse().transpose();
+    for (int k = 0; k < 3; ++k) {
+      const auto at =
+          std::find(ring.vertices.begin(), ring.vertices.end(), sheet_.triangles(ring.clamp, k)) -
+          ring.vertices.begin();
+      slope.col(at) =
+          k == 0 ? Eigen::Vector2d(-c.col(0) - c.col(1)) : Eigen::Vector2d(c.col(k - 1));
+    }
+    return slope;
   }
 
   const Sheet& sheet_;
   const std::vector<bool>& fixed_;
   Deformation& out_;
   std::vector<std::array<int, 3>> opposite_;
+  std::vector<std::vector<int>> around_;  // triangles of each vertex
 };
 
 template <class Rows>
