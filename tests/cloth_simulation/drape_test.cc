@@ -73,7 +73,7 @@ TEST(Drape, LobesAreMeasuredRayByRay) {
 
 /// Where the cloth stands out over its hem the shadow is counted, not reckoned from the hem.
 TEST(Drape, AHemThatTurnsInIsNotTheOutline) {
-  const Sheet sheet = make_disc(specimen_m, 0.0025);
+  const Sheet sheet = make_disc(specimen_m, 0.0025, 0.13);
   const auto radius = [](double r, double) { return r <= 0.13 ? r : 0.26 - r; };
   const DrapeProfile profile =
       measure_drape(sheet, shaped(sheet, radius, zero), {.disc_radius_m = disc_m});

@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <utility>
 
 #include "semblance/core/errors.h"
 
 namespace semblance {
 namespace {
+
+constexpr int most_triangles_at_vertex = 64;
 
 double signed_area(const Sheet& sheet, int t) {
   const Eigen::Vector2d a = sheet.material_m.row(sheet.triangles(t, 0));
@@ -129,46 +130,6 @@ Sheet make_rectangle(double warp_m, double weft_m, double spacing_m) {
   return sheet;
 }
 
-Sheet make_disc(double radius_m, double spacing_m) {
-  const int rings = divisions(radius_m, spacing_m, "radius");
-  std::vector<Eigen::Vector2d> points{Eigen::Vector2d::Zero()};
-  std::vector<Eigen::Vector3i> triangles;
-  int inner_first = 0, inner_count = 1;
-  for (int ring = 1; ring <= rings; ++ring) {
-    const double radius = radius_m * ring / rings;
-    const int count = 6 * ring, first = static_cast<int>(points.size());
-    for (int k = 0; k < count; ++k) {
-      const double angle = 2.0 * std::numbers::pi * k / count;
-      points.push_back(radius * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-    }
-    // Around the ring, the next triangle takes its new corner where the angle grows least.
-    int outer = 0, inner = 0;
-    while (outer < count || (inner < inner_count && inner_count > 1)) {
-      const int o0 = first + outer % count, o1 = first + (outer + 1) % count;
-      const int i0 = inner_first + inner % inner_count;
-      const int i1 = inner_first + (inner + 1) % inner_count;
-      const bool step_outer =
-          inner_count == 1 || inner == inner_count ||
-          (outer < count && (outer + 0.5) * inner_count <= (inner + 0.5) * count);
-      if (step_outer) {
-        triangles.emplace_back(i0, o0, o1);
-        ++outer;
-      } else {
-        triangles.emplace_back(i0, o0, i1);
-        ++inner;
-      }
-    }
-    inner_first = first;
-    inner_count = count;
-  }
-  Sheet sheet;
-  sheet.material_m.resize(static_cast<Eigen::Index>(points.size()), 2);
-  for (std::size_t i = 0; i < points.size(); ++i) sheet.material_m.row(i) = points[i];
-  sheet.triangles.resize(static_cast<Eigen::Index>(triangles.size()), 3);
-  for (std::size_t t = 0; t < triangles.size(); ++t) sheet.triangles.row(t) = triangles[t];
-  return sheet;
-}
-
 Sheet make_sheet(const Mesh& mesh, const std::string& source) {
   if (mesh.uvs.rows() != mesh.vertex_count()) {
     throw InvalidInput(source +
@@ -183,13 +144,13 @@ Sheet make_sheet(const Mesh& mesh, const std::string& source) {
 }
 
 void validate(const Sheet& sheet, const std::string& source) {
-  std::vector<bool> used(sheet.vertex_count(), false);
+  std::vector<int> triangles_at(sheet.vertex_count(), 0);
   std::map<std::pair<int, int>, int> edges;  // directed
   for (int t = 0; t < sheet.triangles.rows(); ++t) {
     check_upright(sheet, t, source);
     for (int k = 0; k < 3; ++k) {
       const int a = sheet.triangles(t, k), b = sheet.triangles(t, (k + 1) % 3);
-      used[a] = true;
+      ++triangles_at[a];
       if (!edges.emplace(std::make_pair(a, b), t).second) {
         throw InvalidInput(
             fmt::format("{}: triangles {} and {} run through the edge of vertices {} and {} in the "
@@ -199,10 +160,17 @@ void validate(const Sheet& sheet, const std::string& source) {
       }
     }
   }
-  const auto unused = std::find(used.begin(), used.end(), false);
-  if (unused != used.end()) {
+  const auto crowded = std::max_element(triangles_at.begin(), triangles_at.end());
+  if (crowded != triangles_at.end() && *crowded > most_triangles_at_vertex) {
+    throw InvalidInput(fmt::format(
+        "{}: vertex {} is a corner of {} triangles, more than {}: its row of the "
+        "equations would couple all of them; mesh the sheet more evenly",
+        source, crowded - triangles_at.begin() + 1, *crowded, most_triangles_at_vertex));
+  }
+  const auto unused = std::find(triangles_at.begin(), triangles_at.end(), 0);
+  if (unused != triangles_at.end()) {
     throw InvalidInput(fmt::format("{}: vertex {} belongs to no triangle; remove it", source,
-                                   unused - used.begin() + 1));
+                                   unused - triangles_at.begin() + 1));
   }
 }
 

@@ -42,8 +42,9 @@ struct Sheet {
 /// InvalidInput if a side is shorter than two spacings or there are more than 16 million vertices.
 Sheet make_rectangle(double warp_m, double weft_m, double spacing_m);
 
-/// Disc about (0, 0), in rings of near equilateral triangles.
-Sheet make_disc(double radius_m, double spacing_m);
+/// Disc about (0, 0), in triangles along the yarns but for those at its rim and at the inner
+/// circle, where edges run along the circle. Throws as make_rectangle does, for the diameter.
+Sheet make_disc(double radius_m, double spacing_m, double inner_radius_m = 0.0);
 
 /// A mesh whose uvs are metres in the fabric. Throws InvalidInput, naming `source`, for uvs that
 /// are missing, triangles that are inverted or without area in the fabric, edges with more than two
