@@ -188,6 +188,25 @@ TEST(Simulation, RefusesOptionsThatDoNotFit) {
   EXPECT_THAT(run, ThrowsMessage<InvalidInput>(HasSubstr("longest step")));
 }
 
+/// Neighbouring spacings come by the same coarse shapes, as far as those are coarser.
+TEST(Simulation, SheetsOfAnySpacingComeByTheSameLevels) {
+  const SimulationSetup setup = preset_setup("table", plausible_fabric());
+  std::vector<SimulationSummary> runs;
+  for (const double spacing_m : {0.05, 0.07}) {
+    SimulationOptions options = some_options(SimulationMethod::coarse_to_fine, spacing_m);
+    options.coarsest_spacing_m = 0.2;
+    Notes notes;
+    runs.push_back(simulate(setup, options, notes, silent_progress()));
+  }
+  ASSERT_EQ(runs[0].levels.size(), 3u);
+  ASSERT_EQ(runs[1].levels.size(), 3u);
+  for (const int level : {0, 1}) {
+    EXPECT_EQ(runs[0].levels[level].spacing_m, level == 0 ? 0.2 : 0.1);
+    EXPECT_EQ(runs[0].levels[level].spacing_m, runs[1].levels[level].spacing_m);
+    EXPECT_EQ(runs[0].levels[level].residual, runs[1].levels[level].residual);
+  }
+}
+
 TEST(Simulation, SaysWhichLevelIsNotAtRest) {
   const SimulationSetup setup = preset_setup("table", plausible_fabric());
   SimulationOptions options = some_options(SimulationMethod::coarse_to_fine, 0.05);

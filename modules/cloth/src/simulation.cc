@@ -7,6 +7,7 @@
 #include <cmath>
 #include <ctime>
 #include <memory>
+#include <numbers>
 
 #include "byte_sum.h"
 #include "semblance/core/errors.h"
@@ -146,19 +147,24 @@ void check_options(const SimulationSetup& setup, const SimulationOptions& option
               ": a body moves, so there is no rest; choose dynamic and give the time to simulate");
 }
 
-/// Spacings from coarse to fine, each half of the one before.
+/// Spacings from coarse to fine. Sheets of any spacing come by the same coarse ones, each half of
+/// the one before: which of the shapes at rest is reached is decided there, and then they agree.
 std::vector<double> level_spacings(const SimulationSetup& setup, const SimulationOptions& options) {
-  std::vector<double> spacings{options.spacing_m};
-  if (options.method != SimulationMethod::coarse_to_fine) return spacings;
-  while (2.0 * spacings.back() <= options.coarsest_spacing_m * (1.0 + 1e-9)) {
-    try {
-      setup.make(2.0 * spacings.back());
-    } catch (const InvalidInput&) {
-      break;  // too coarse for this sheet
+  // Levels nearer to the finest than that are not worth their time.
+  const double least_ratio = 1.2;
+  std::vector<double> spacings;
+  if (options.method == SimulationMethod::coarse_to_fine) {
+    double spacing_m = options.coarsest_spacing_m;
+    for (; spacing_m >= least_ratio * options.spacing_m; spacing_m *= 0.5) {
+      try {
+        setup.make(spacing_m);
+      } catch (const InvalidInput&) {
+        continue;  // too coarse for this sheet
+      }
+      spacings.push_back(spacing_m);
     }
-    spacings.push_back(2.0 * spacings.back());
   }
-  std::reverse(spacings.begin(), spacings.end());
+  spacings.push_back(options.spacing_m);
   return spacings;
 }
 
