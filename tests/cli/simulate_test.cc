@@ -83,6 +83,33 @@ TEST_F(SimulateCommand, WritesAllItsFiles) {
   }
 }
 
+/// The first drape is the one that is made alone; the figure is the mean of all.
+TEST_F(SimulateCommand, DrapesFromSeveralStarts) {
+  const std::vector<std::string> options = {"--spacing",   "0.02",     "--method",
+                                            "quasistatic", "--format", "none"};
+  ASSERT_EQ(run("disc", "one", options).exit_code, 0);
+  EXPECT_TRUE(summary("one")["drape_coefficient_deviation"].is_null());
+  std::vector<std::string> thrice = options;
+  thrice.insert(thrice.end(), {"--drapes", "3"});
+  const ProgramResult result = run("disc", "three", thrice);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("mean of 3 drapes"));
+  const json figures = summary("three");
+  ASSERT_EQ(figures["drapes"].size(), 3u);
+  EXPECT_EQ(figures["drapes"][0]["drape_coefficient"], summary("one")["drape_coefficient"]);
+  EXPECT_EQ(file_bytes(path("one/rest.obj")), file_bytes(path("three/rest.obj")));
+  double sum = 0.0, squares = 0.0;
+  for (const json& drape : figures["drapes"]) {
+    const double value = drape["drape_coefficient"].get<double>();
+    sum += value;
+    squares += value * value;
+  }
+  EXPECT_NEAR(figures["drape_coefficient"].get<double>(), sum / 3.0, 1e-12);
+  EXPECT_NEAR(std::pow(figures["drape_coefficient_deviation"].get<double>(), 2),
+              (squares - sum * sum / 3.0) / 2.0, 1e-9);
+  expect_refused(run("table", "out", {"--drapes", "2"}), "--drapes is for drape tests");
+}
+
 TEST_F(SimulateCommand, AnimationsAreOneFile) {
   const ProgramResult result =
       run("pinned", "out", {"--spacing", "0.2", "--until", "0.2", "--format", "glb"});

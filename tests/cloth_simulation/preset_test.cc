@@ -60,6 +60,30 @@ TEST(Preset, TheStripHasItsFreeLengthBeyondTheClamp) {
   }
 }
 
+/// A start has the same dents on any mesh, another one has others, and the clamp is flat.
+TEST(Preset, DiscsStartWithDentsOfTheirOwn) {
+  const ClothScene coarse = make_preset("disc", 0.01, plausible_fabric(), 3);
+  const ClothScene fine = make_preset("disc", 0.005, plausible_fabric(), 3);
+  const ClothScene other = make_preset("disc", 0.01, plausible_fabric(), 4);
+  const double flat_m = 0.8 * plausible_fabric().thickness_m;
+  double largest_m = 0.0;
+  int met = 0;
+  for (Eigen::Index v = 0; v < coarse.start_m.rows(); ++v) {
+    if (coarse.sheet.material_m.row(v).norm() < 0.09 + 1e-9) {
+      EXPECT_NEAR(coarse.start_m(v, 1), flat_m, 1e-12);
+    }
+    largest_m = std::max(largest_m, std::abs(coarse.start_m(v, 1) - other.start_m(v, 1)));
+    for (Eigen::Index w = 0; w < fine.start_m.rows(); ++w) {
+      if ((fine.sheet.material_m.row(w) - coarse.sheet.material_m.row(v)).norm() > 1e-9) continue;
+      EXPECT_NEAR(fine.start_m(w, 1), coarse.start_m(v, 1), 1e-9);
+      ++met;
+    }
+  }
+  EXPECT_GT(met, coarse.start_m.rows() / 2);
+  EXPECT_GT(largest_m, 5e-4);
+  EXPECT_LT(largest_m, 1e-2);
+}
+
 TEST(Preset, RefusesUnknownNamesAndSpacingsThatDoNotFit) {
   const auto make = [](const std::string& name, double spacing_m) {
     return [=] { make_preset(name, spacing_m, plausible_fabric()); };

@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 
 #include "semblance/core/errors.h"
+#include "semblance/core/random.h"
 
 namespace semblance {
 namespace {
@@ -15,7 +17,7 @@ constexpr double drape_disc_radius_m = 0.09, drape_specimen_radius_m = 0.15;  //
 /// Between cloth and support at the start, in thicknesses: within the reach of contact forces.
 constexpr double start_gap = 0.8;
 
-ClothScene table_scene(double spacing_m, const Fabric& fabric) {
+ClothScene table_scene(double spacing_m, const Fabric& fabric, int) {
   constexpr double warp_m = 1.0, weft_m = 0.8, height_m = 0.7;
   ClothScene scene;
   scene.sheet = make_rectangle(warp_m, weft_m, spacing_m);
@@ -27,7 +29,7 @@ ClothScene table_scene(double spacing_m, const Fabric& fabric) {
   return scene;
 }
 
-ClothScene pinned_scene(double spacing_m, const Fabric&) {
+ClothScene pinned_scene(double spacing_m, const Fabric&, int) {
   ClothScene scene;
   scene.sheet = make_rectangle(1.0, 1.0, spacing_m);
   scene.start_m = lay_flat(scene.sheet, {-0.5, 0.0, 0.5});
@@ -37,8 +39,8 @@ ClothScene pinned_scene(double spacing_m, const Fabric&) {
 }
 
 /// The sheet's free edge comes down before the box and swings against its upper front edge.
-ClothScene pinned_box_scene(double spacing_m, const Fabric& fabric) {
-  ClothScene scene = pinned_scene(spacing_m, fabric);
+ClothScene pinned_box_scene(double spacing_m, const Fabric& fabric, int) {
+  ClothScene scene = pinned_scene(spacing_m, fabric, first_start);
   Rigid3 place;
   place.translation_m = {0.0, -0.85, -0.4};
   scene.obstacles = {make_box("box", {0.4, 0.5, 0.3}, place)};
@@ -46,10 +48,31 @@ ClothScene pinned_box_scene(double spacing_m, const Fabric& fabric) {
 }
 
 /// The tester clamps the specimen between two discs, so what lies on the disc is held.
-ClothScene disc_scene(double spacing_m, const Fabric& fabric) {
+/// No specimen is quite flat, and a flat start, the same on all sides, leaves it to the mesh where
+/// folds appear. Waves around the overhang, outwards from the clamp; the same on every mesh.
+void add_dents(ClothScene& scene, int start) {
+  constexpr int most_waves = 8;
+  constexpr double height_m = 1e-3;
+  Random random(static_cast<std::uint64_t>(start));
+  std::array<std::array<double, 2>, most_waves> waves;
+  for (auto& wave : waves) wave = {random.normal(), random.normal()};
+  for (Eigen::Index v = 0; v < scene.sheet.vertex_count(); ++v) {
+    const Eigen::Vector2d p = scene.sheet.material_m.row(v);
+    const double angle = std::atan2(p.y(), p.x());
+    const double out = std::max(
+        0.0, (p.norm() - drape_disc_radius_m) / (drape_specimen_radius_m - drape_disc_radius_m));
+    double height = 0.0;
+    for (int k = 0; k < most_waves; ++k)
+      height += waves[k][0] * std::cos(k * angle) + waves[k][1] * std::sin(k * angle);
+    scene.start_m(v, 1) += height_m * out * out * height / std::sqrt(most_waves);
+  }
+}
+
+ClothScene disc_scene(double spacing_m, const Fabric& fabric, int start) {
   ClothScene scene;
-  scene.sheet = make_disc(drape_specimen_radius_m, spacing_m);
+  scene.sheet = make_disc(drape_specimen_radius_m, spacing_m, drape_disc_radius_m);
   scene.start_m = lay_flat(scene.sheet, {0.0, start_gap * fabric.thickness_m, 0.0});
+  add_dents(scene, start);
   for (Eigen::Index v = 0; v < scene.sheet.vertex_count(); ++v) {
     if (scene.sheet.material_m.row(v).norm() <= drape_disc_radius_m * (1.0 + 1e-9)) {
       scene.fixed.push_back(static_cast<int>(v));
@@ -61,7 +84,7 @@ ClothScene disc_scene(double spacing_m, const Fabric& fabric) {
 }
 
 /// Two columns of vertices are held: bending begins at the second, where u = 0 and x = 0.
-ClothScene strip_scene(double spacing_m, const Fabric&) {
+ClothScene strip_scene(double spacing_m, const Fabric&, int) {
   constexpr double free_m = 0.2, width_m = 0.02;
   const double along_m = free_m / std::max(1.0, std::round(free_m / spacing_m));
   ClothScene scene;
@@ -78,7 +101,7 @@ ClothScene strip_scene(double spacing_m, const Fabric&) {
 struct Preset {
   const char* name;
   double spacing_m;
-  ClothScene (*make)(double, const Fabric&);
+  ClothScene (*make)(double spacing_m, const Fabric&, int start);
 };
 
 constexpr double swatch_spacing_m = 1.0 / 99.0;  // 100 x 100 particles
@@ -109,13 +132,13 @@ std::vector<std::string> preset_names() {
   return names;
 }
 
-ClothScene make_preset(const std::string& name, double spacing_m, const Fabric& fabric) {
+ClothScene make_preset(const std::string& name, double spacing_m, const Fabric& fabric, int start) {
   const Preset& preset = find_preset(name);
   if (!(spacing_m > 0.0)) {
     throw InvalidInput(fmt::format("{}: the spacing must be positive, not {} m", name, spacing_m));
   }
   try {
-    ClothScene scene = preset.make(spacing_m, fabric);
+    ClothScene scene = preset.make(spacing_m, fabric, start);
     scene.fabric = fabric;
     return scene;
   } catch (const InvalidInput& error) {
@@ -123,11 +146,13 @@ ClothScene make_preset(const std::string& name, double spacing_m, const Fabric& 
   }
 }
 
-SimulationSetup preset_setup(const std::string& name, const Fabric& fabric) {
+SimulationSetup preset_setup(const std::string& name, const Fabric& fabric, int start) {
   SimulationSetup setup;
   setup.name = name;
   setup.spacing_m = find_preset(name).spacing_m;
-  setup.make = [name, fabric](double spacing_m) { return make_preset(name, spacing_m, fabric); };
+  setup.make = [name, fabric, start](double spacing_m) {
+    return make_preset(name, spacing_m, fabric, start);
+  };
   if (name == "disc") {
     setup.drape = DrapeTest{.disc_radius_m = drape_disc_radius_m};
   }

@@ -24,6 +24,7 @@ struct SimulateArguments {
   std::string scene, folder, fabric, until = "rest", method = "dynamic", self_contact, scheme,
                                      model, hysteresis, format = "obj", compare, start;
   double spacing_m = 0.0;
+  int drapes = 1;
   bool resume = false;
   SimulationOptions options;
 };
@@ -52,7 +53,7 @@ bool is_preset(const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-SimulationSetup setup_of(const SimulateArguments& arguments) {
+SimulationSetup scene_of(const SimulateArguments& arguments, int start) {
   const std::string& name = arguments.scene;
   if (!is_preset(name) && (fs::exists(name) || text::lower_extension(name) == ".json")) {
     return read_cloth_scene(name, arguments.fabric);
@@ -60,7 +61,7 @@ SimulationSetup setup_of(const SimulateArguments& arguments) {
   if (is_preset(name) && arguments.fabric.empty()) {
     throw InvalidInput(name + ": a preset needs its fabric; give --fabric FILE[:NAME]");
   }
-  return preset_setup(name, arguments.fabric.empty() ? Fabric{} : read_fabric(arguments.fabric));
+  return preset_setup(name, read_fabric(arguments.fabric), start);
 }
 
 /// A mesh with (u, v) in metres, as another run left it.
@@ -113,6 +114,59 @@ void override_scene(const SimulateArguments& arguments, SimulationSetup& setup) 
   };
 }
 
+SimulationSetup setup_of(const SimulateArguments& arguments, int start) {
+  SimulationSetup setup = scene_of(arguments, start);
+  override_scene(arguments, setup);
+  return setup;
+}
+
+/// Which of several shapes a drape comes to depends on how it starts: the same from other starts.
+/// The last one is not whole where it was stopped.
+std::vector<SimulationSummary> drape_again(const SimulateArguments& arguments,
+                                           const SimulationOptions& options, Progress& progress) {
+  std::vector<SimulationSummary> out;
+  for (int k = 1; k < arguments.drapes; ++k) {
+    SimulationSink nothing_written;
+    out.push_back(
+        simulate(setup_of(arguments, first_start + k), options, nothing_written, progress));
+    if (out.back().stopped) break;
+  }
+  return out;
+}
+
+/// The mean of all drapes for that of the first, and each of them.
+void add_drapes(const SimulationSummary& first, const std::vector<SimulationSummary>& others,
+                nlohmann::json& figures) {
+  std::vector<double> coefficients;
+  const auto add = [&](const SimulationSummary& summary) {
+    if (summary.stopped) return;
+    coefficients.push_back(summary.drape->coefficient);
+    figures["drapes"].push_back({{"drape_coefficient", summary.drape->coefficient},
+                                 {"at_rest", summary.at_rest},
+                                 {"relative_residual", summary.residual},
+                                 {"penetrations", summary.penetrations}});
+  };
+  add(first);
+  for (const SimulationSummary& other : others) add(other);
+  const Eigen::Map<const Eigen::VectorXd> all(coefficients.data(),
+                                              static_cast<Eigen::Index>(coefficients.size()));
+  figures["drape_coefficient"] = all.mean();
+  if (all.size() < 2) return;
+  figures["drape_coefficient_deviation"] =
+      (all.array() - all.mean()).matrix().norm() / std::sqrt(static_cast<double>(all.size() - 1));
+}
+
+void print_drapes(const nlohmann::json& figures) {
+  const double percent = 1e2 * figures["drape_coefficient"].get<double>();
+  if (figures["drape_coefficient_deviation"].is_null()) {
+    fmt::print("drape coefficient {:.1f} %, of one drape: --drapes tells how much it varies\n",
+               percent);
+    return;
+  }
+  fmt::print("drape coefficient {:.1f} %, the mean of {} drapes that deviate by {:.1f}\n", percent,
+             figures["drapes"].size(), 1e2 * figures["drape_coefficient_deviation"].get<double>());
+}
+
 double distance_from(const OtherShape& other, const SimulationSummary& summary) {
   try {
     return shape_error_m(summary.scene.sheet, summary.state.positions_m, other.sheet,
@@ -135,7 +189,7 @@ void print_summary(const SimulateArguments& arguments, const SimulationSummary& 
       "compression {:.3f} %, {} penetrations\n",
       summary.residual_n, summary.residual, 1e2 * summary.largest_elongation,
       1e2 * summary.largest_compression, summary.penetrations);
-  if (summary.drape) fmt::print("drape coefficient {:.1f} %\n", 1e2 * summary.drape->coefficient);
+  if (figures.contains("drapes")) print_drapes(figures);
   if (figures.contains("shape_error_m")) {
     fmt::print("mean distance from {}: {:.2f} mm\n", arguments.compare,
                1e3 * figures["shape_error_m"].get<double>());
@@ -150,8 +204,10 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   // Near rest long steps are easy.
   if (!arguments.start.empty()) options.rest.first_step_s = 1.0;
   if (!arguments.scheme.empty()) options.step.scheme = schemes.at(arguments.scheme);
-  SimulationSetup setup = setup_of(arguments);
-  override_scene(arguments, setup);
+  const SimulationSetup setup = setup_of(arguments, first_start);
+  if (arguments.drapes > 1 && !setup.drape) {
+    throw InvalidInput(setup.name + ": --drapes is for drape tests: the preset disc");
+  }
   options.spacing_m = arguments.spacing_m > 0.0 ? arguments.spacing_m : setup.spacing_m;
 
   std::optional<OtherShape> other;
@@ -171,9 +227,18 @@ void run_simulate(const Context& context, const SimulateArguments& arguments) {
   nlohmann::json figures = simulation_json(summary, arguments.method, options.spacing_m);
   if (other && !summary.stopped) figures["shape_error_m"] = distance_from(*other, summary);
   files.finish(summary, options.frames_per_second);
+  bool at_rest = summary.at_rest, stopped = summary.stopped;
+  if (summary.drape && !stopped) {
+    const std::vector<SimulationSummary> others = drape_again(arguments, options, *progress);
+    for (const SimulationSummary& drape : others) {
+      at_rest = at_rest && drape.at_rest;
+      stopped = stopped || drape.stopped;
+    }
+    add_drapes(summary, others, figures);
+  }
   print_summary(arguments, summary, figures);
   write_summary(context, figures.dump(2));
-  if (!summary.at_rest && !summary.stopped && !options.until_s) {
+  if (!at_rest && !stopped && !options.until_s) {
     throw SolverError(
         fmt::format("{}: no rest was reached; what was is in {}", setup.name, arguments.folder));
   }
@@ -224,6 +289,12 @@ void add_options(CLI::App& simulate, SimulateArguments& arguments) {
       .add_option("--checkpoint-every", options.checkpoint_interval_s,
                   "Save what is needed to go on every so many seconds")
       ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  simulate
+      .add_option("--drapes", arguments.drapes,
+                  "Drape tests: so many drapes from slightly different starts; the first is "
+                  "written, the mean and deviation of all are told")
+      ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   simulate.add_flag("--resume", arguments.resume, "Go on where an interrupted run stopped");
   simulate.add_option("--start-from", arguments.start,

@@ -229,10 +229,10 @@ nlohmann::json simulation_json(const SimulationSummary& summary, const std::stri
                         {"max_edge_compression", summary.largest_compression},
                         {"penetrations", summary.penetrations},
                         {"drape_coefficient", nullptr},
+                        {"drape_coefficient_deviation", nullptr},
                         {"simulated_s", nullptr},
                         {"frames", summary.frames},
                         {"levels", levels}};
-  if (summary.drape) out["drape_coefficient"] = summary.drape->coefficient;
   if (method == "dynamic") {
     out["simulated_s"] = summary.state.time_s;
     out["shortest_step_s"] = summary.shortest_step_s;

@@ -17,13 +17,19 @@ namespace semblance {
 /// strip       cantilever: 0.2 m free length, 0.02 m wide, clamped at one end
 std::vector<std::string> preset_names();
 
+/// The start that presets have where none is asked for.
+inline constexpr int first_start = 1;
+
 /// The scene of a preset. The sheet faces up and starts flat, above a support by 0.8 of the
-/// fabric's thickness. Throws InvalidInput, listing the names, where there is no such preset, and
-/// where the spacing (m) does not fit.
-ClothScene make_preset(const std::string& name, double spacing_m, const Fabric& fabric);
+/// fabric's thickness. That of `disc` has dents outside the clamp of about a millimetre, others
+/// for each `start`: which folds form depends on them. Throws InvalidInput, listing the names,
+/// where there is no such preset, and where the spacing (m) does not fit.
+ClothScene make_preset(const std::string& name, double spacing_m, const Fabric& fabric,
+                       int start = first_start);
 
 /// The same for `simulate`, with the preset's usual spacing.
-SimulationSetup preset_setup(const std::string& name, const Fabric& fabric);
+SimulationSetup preset_setup(const std::string& name, const Fabric& fabric,
+                             int start = first_start);
 
 /// "default": bending by curvature, compression yields by buckling; "choi-ko": interlaced springs;
 /// "as-tension": compression resists as tension does. Throws InvalidInput listing the names.
