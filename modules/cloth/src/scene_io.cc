@@ -10,9 +10,11 @@
 #include "semblance/cloth/fabric_io.h"
 #include "semblance/cloth/presets.h"
 #include "semblance/core/errors.h"
+#include "semblance/io/gltf_skin.h"
 #include "semblance/io/json_file.h"
 #include "semblance/io/json_reader.h"
 #include "semblance/io/mesh_io.h"
+#include "semblance/io/text.h"
 
 namespace semblance {
 namespace {
@@ -60,9 +62,10 @@ Rigid3 read_place(JsonReader& in) {
 }
 
 /// A file that the scene names.
-Mesh read_named_mesh(const fs::path& folder, const std::string& file) {
+template <typename T>
+T read_named(const fs::path& folder, const std::string& file, T (*read)(const std::string&)) {
   try {
-    return read_mesh((folder / file).string());
+    return read((folder / file).string());
   } catch (const IoError& error) {
     throw IoError(fmt::format("{}; a scene's files are found from its own folder, {}", error.what(),
                               folder.empty() ? "." : folder.string()));
@@ -108,7 +111,7 @@ void read_sheet(JsonReader& in, const fs::path& folder, SceneFile& scene) {
     in.text("file", file);
     in.check();
     const std::string path = (folder / file).string();
-    const Mesh mesh = read_named_mesh(folder, file);
+    const Mesh mesh = read_named(folder, file, read_mesh);
     scene.sheet = std::make_shared<Sheet>(make_sheet(mesh, path));
     scene.sheet_m = mesh.positions_m;
     check_lengths(*scene.sheet, scene.sheet_m, path);
@@ -196,11 +199,44 @@ Obstacle read_mesh_body(JsonReader& in, const std::string& name, const fs::path&
   in.number("scale", scale, smallest_scale, largest_scale);
   const Rigid3 place = read_place(in);
   in.check();
-  Mesh mesh = read_named_mesh(folder, file);
+  Mesh mesh = read_named(folder, file, read_mesh);
   for (Eigen::Index v = 0; v < mesh.vertex_count(); ++v) {
     mesh.positions_m.row(v) = (place * Vector3d(scale * mesh.positions_m.row(v))).transpose();
   }
   return make_mesh_obstacle(name, std::move(mesh));
+}
+
+/// "animation": its name, or its number from 0, or false for the body at rest; the first where it
+/// is not given. Null for rest.
+const SkinAnimation* read_animation(JsonReader& in, const std::vector<SkinAnimation>& animations) {
+  const nlohmann::json* entry = in.find("animation");
+  if (entry == nullptr) return animations.empty() ? nullptr : animations.data();
+  if (*entry == false) return nullptr;
+  std::string names;
+  for (std::size_t k = 0; k < animations.size(); ++k) {
+    if (*entry == animations[k].name || *entry == k) return &animations[k];
+    if (k < 20) names += fmt::format(", {} ({})", k, text::quoted(animations[k].name));
+  }
+  in.fail("animation", "false" + names + ": the animations that the file has");
+}
+
+Obstacle read_skinned_mesh(JsonReader& in, const std::string& name, const fs::path& folder) {
+  std::string file;
+  double scale = 1.0, fps = 30.0;
+  in.require("file");
+  in.text("file", file);
+  in.number("scale", scale, smallest_scale, largest_scale);
+  in.number("fps", fps, 1e-3, 1e5);
+  const Rigid3 place = read_place(in);
+  in.check();
+  const SkinnedMesh skin = read_named(folder, file, read_gltf_skin);
+  const SkinAnimation* animation = read_animation(in, skin.animations);
+  Eigen::Affine3d world_from_skin(Eigen::Translation3d(place.translation_m) * place.rotation);
+  world_from_skin.scale(scale);
+  const std::string source = fmt::format("{} ({})", name, (folder / file).string());
+  Obstacle body = make_skin_obstacle(source, skin, animation, fps, world_from_skin);
+  body.name = name;
+  return body;
 }
 
 Obstacle read_plane(JsonReader& in, const std::string& name) {
@@ -260,8 +296,9 @@ void read_obstacle(JsonReader& in, std::size_t index, const fs::path& folder,
   if (kind == "sphere") return out.push_back(read_sphere(in, name));
   if (kind == "mesh") return out.push_back(read_mesh_body(in, name, folder));
   if (kind == "mesh_sequence") return out.push_back(read_sequence(in, name, folder));
+  if (kind == "skinned_mesh") return out.push_back(read_skinned_mesh(in, name, folder));
   if (kind != "drape_tester") {
-    in.fail("kind", "plane, box, sphere, drape_tester, mesh or mesh_sequence");
+    in.fail("kind", "plane, box, sphere, drape_tester, mesh, mesh_sequence or skinned_mesh");
   }
   for (Obstacle& obstacle : read_tester(in, name)) out.push_back(std::move(obstacle));
 }

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "semblance/io/camera_formats.h"
+#include "semblance/io/gltf_skin.h"
 #include "semblance/io/lip_markers.h"
 #include "semblance/io/marks_io.h"
 #include "semblance/io/mesh_io.h"
@@ -19,6 +20,7 @@ namespace semblance {
 
 MeshFile parse_obj(std::string_view content, const std::string& source);
 Mesh parse_ply(std::string_view content, const std::string& source);
+SkinnedMesh parse_gltf_skin(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_pts(std::string_view content, const std::string& source);
 std::vector<Eigen::Vector2d> parse_json_points(std::string_view content, const std::string& source);
 LipTrack parse_lip_markers(std::string_view content, const std::string& source);

@@ -11,6 +11,7 @@
 #include "semblance/cloth/points.h"
 #include "semblance/core/mesh.h"
 #include "semblance/core/rigid3.h"
+#include "semblance/geometry/skinned_mesh.h"
 
 namespace semblance {
 
@@ -98,6 +99,14 @@ Obstacle make_mesh_obstacle(const std::string& name, Mesh mesh);
 /// Linear interpolation between frames of vertices; before the first and after the last the ends
 /// rest. Throws InvalidInput unless times grow and all frames have the same number of rows.
 VertexMotion vertex_frames(std::vector<double> times_s, std::vector<Points> frames_m);
+
+/// A skinned mesh without its seams, at rest where `animation` is null. Else its vertices are taken
+/// `frames_per_second` times a second, and at the animation's end, go straight from one place to
+/// the next, and rest behind the last. `world_from_skin` scales and places all of it. Throws
+/// InvalidInput where positions are not finite, or more than 100 million.
+Obstacle make_skin_obstacle(const std::string& name, const SkinnedMesh& skin,
+                            const SkinAnimation* animation, double frames_per_second = 30.0,
+                            const Eigen::Affine3d& world_from_skin = Eigen::Affine3d::Identity());
 
 /// Surface of an obstacle in the world at a time, to draw it or to test with.
 Mesh obstacle_mesh(const Obstacle& obstacle, double time_s);
