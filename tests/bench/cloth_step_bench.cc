@@ -47,8 +47,8 @@ struct Matrix {
     const Eigen::VectorXd& masses_kg = falling.system.masses_kg();
     load.setZero(4, masses_kg.size());
     for (Eigen::Index v = 0; v < masses_kg.size(); ++v) {
-      const float shift = static_cast<float>(masses_kg[v] / (step_s * step_s));
-      matrix.own[v] = {shift, 0.0f, 0.0f, shift, 0.0f, shift};
+      const double shift = masses_kg[v] / (step_s * step_s);
+      matrix.own[v] = {shift, 0.0, 0.0, shift, 0.0, shift};
       load(1, v) = -masses_kg[v] * (v % 7 == 0 ? 10.0 : 1.0);
     }
     matrix.complete_diagonal();

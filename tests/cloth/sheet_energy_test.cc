@@ -167,7 +167,7 @@ TEST_P(SheetEnergies, YarnsResistWhatAStraightWayLengthensThem) {
   BlockMatrix shrinking;
   assembly.assemble(strains, shrinking);
   // Holds the sheet against motions as a whole, which change no length.
-  for (Symmetric3& own : shrinking.own) own[0] = own[3] = own[5] = 0.05f;
+  for (Symmetric3& own : shrinking.own) own[0] = own[3] = own[5] = 0.05;
   shrinking.complete_diagonal();
   const Points down = -gradient;
   const Eigen::VectorXd change =

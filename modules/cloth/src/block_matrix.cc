@@ -62,16 +62,15 @@ BlockPattern make_pattern(std::vector<std::vector<int>> neighbours) {
 
 void BlockMatrix::add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
                       const Eigen::Matrix3d& stiffness) {
-  const Symmetric3 k{static_cast<float>(stiffness(0, 0)), static_cast<float>(stiffness(0, 1)),
-                     static_cast<float>(stiffness(0, 2)), static_cast<float>(stiffness(1, 1)),
-                     static_cast<float>(stiffness(1, 2)), static_cast<float>(stiffness(2, 2))};
+  const Symmetric3 k{stiffness(0, 0), stiffness(0, 1), stiffness(0, 2),
+                     stiffness(1, 1), stiffness(1, 2), stiffness(2, 2)};
   const auto add_scaled = [&](Symmetric3& to, double scale) {
-    for (int i = 0; i < 6; ++i) to[i] += static_cast<float>(scale) * k[i];
+    for (int i = 0; i < 6; ++i) to[i] += scale * k[i];
   };
   const auto add_block = [&](int at, double scale) {
     constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
     for (int i = 0; i < 9; ++i) {
-      blocks[at][4 * (i / 3) + i % 3] += static_cast<float>(scale) * k[place[i]];
+      blocks[at][4 * (i / 3) + i % 3] += static_cast<float>(scale * k[place[i]]);
     }
   };
   const auto is_free = [&](int v) { return fixed.empty() || !fixed[v]; };

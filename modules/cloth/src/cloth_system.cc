@@ -142,7 +142,7 @@ void ClothSystem::assemble(const Step& step) {
   assembly_.assemble(strain_hessian_, matrix_);
   for (Eigen::Index v = 0; v < masses_kg_.size(); ++v) {
     if (assembly_.is_fixed(static_cast<int>(v))) continue;
-    const float shift = static_cast<float>(masses_kg_[v] * (step.inertia + step.drag));
+    const double shift = masses_kg_[v] * (step.inertia + step.drag);
     for (const int k : {0, 3, 5}) matrix_.own[v][k] += shift;
   }
 }

@@ -10,7 +10,7 @@ namespace semblance {
 [[gnu::always_inline]] inline Double4 row_product(const BlockMatrix& a, const int* begin,
                                                   const int* column, const double* x, int r) {
   const Double4 mine = load4(x + 4 * static_cast<std::ptrdiff_t>(r));
-  const float* s = a.own[r].data();
+  const double* s = a.own[r].data();
   Double4 sum = Double4{s[0], s[1], s[2], 0.0} * mine[0] +
                 Double4{s[1], s[3], s[4], 0.0} * mine[1] + Double4{s[2], s[4], s[5], 0.0} * mine[2];
   for (int k = begin[r]; k < begin[r + 1]; ++k) {

@@ -28,7 +28,7 @@ struct BlockPattern {
 BlockPattern make_pattern(std::vector<std::vector<int>> neighbours);
 
 /// Symmetric part of a block: xx, xy, xz, yy, yz, zz.
-using Symmetric3 = std::array<float, 6>;
+using Symmetric3 = std::array<double, 6>;
 
 /// A symmetric block at (row, column) and (column, row), outside the pattern.
 struct Coupling {
@@ -40,7 +40,8 @@ struct Coupling {
 /// `own` on each diagonal: (A x)_i = sum_{j != i} A_ij (x_j - x_i) + own_i x_i. In this form blocks
 /// may be rounded to single precision, which halves the traffic: stiffness of thousands still
 /// cancels exactly in motions that stretch nothing, and leaves the weak stiffness against bending
-/// and shear.
+/// and shear. Contacts stiffer than that by far need the diagonal in double precision: what is left
+/// of them there by rounding would be a force of its own.
 ///
 /// Blocks are by columns, padded to four rows; those of the diagonal are unused. `diagonal` holds
 /// what they sum up to, for preconditioners, in double precision, so that factoring finds the weak
