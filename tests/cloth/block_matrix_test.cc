@@ -55,6 +55,18 @@ TEST_F(SystemMatrix, ContactsAddTheirStiffness) {
   EXPECT_LT((dense(matrix_) - expected).norm(), 1e-6 * expected.norm());
 }
 
+/// Nothing of a stiff contact is left in a motion of all its vertices together, whatever its
+/// weights round to: the least negative stiffness there would stop conjugate gradients.
+TEST_F(SystemMatrix, StiffContactsDoNotResistCommonMotion) {
+  BlockMatrix contact = plain_, alone = plain_;
+  contact.add({10, 40, 41, 47}, {1.0, -0.2, -0.3, -0.5}, 1e8 * stiffness_);
+  BlockVector together = BlockVector::Zero(4, sheet_.vertex_count()), with, without;
+  for (const int v : {10, 40, 41, 47}) together.col(v) << 1.0, 1.0, -1.0, 0.0;
+  contact.multiply(together, with);
+  alone.multiply(together, without);
+  EXPECT_LT((with - without).cwiseAbs().maxCoeff(), 1e-5);
+}
+
 TEST_F(SystemMatrix, FixedVerticesStandAlone) {
   const Eigen::MatrixXd a = dense(matrix_);
   for (int k = 0; k < 3; ++k) {

@@ -39,8 +39,8 @@ ClothScene pinned_scene(double spacing_m, const Fabric&, int) {
 }
 
 /// The sheet's free edge comes down before the box and swings against its upper front edge.
-ClothScene pinned_box_scene(double spacing_m, const Fabric& fabric, int) {
-  ClothScene scene = pinned_scene(spacing_m, fabric, first_start);
+ClothScene pinned_box_scene(double spacing_m, const Fabric& fabric, int start) {
+  ClothScene scene = pinned_scene(spacing_m, fabric, start);
   Rigid3 place;
   place.translation_m = {0.0, -0.85, -0.4};
   scene.obstacles = {make_box("box", {0.4, 0.5, 0.3}, place)};
