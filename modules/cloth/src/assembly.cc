@@ -121,7 +121,7 @@ void Assembly::assemble_block(const StrainHessian& hessian, int k,
 
 void Assembly::assemble(const StrainHessian& hessian, BlockMatrix& out) const {
   out.pattern = &pattern_;
-  out.couplings.clear();
+  out.links.clear();
   out.blocks.resize(pattern_.block_count());
   out.own.assign(pattern_.row_count(), {});
   out.fixed = fixed_;

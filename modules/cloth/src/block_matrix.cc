@@ -62,36 +62,14 @@ BlockPattern make_pattern(std::vector<std::vector<int>> neighbours) {
 
 void BlockMatrix::add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
                       const Eigen::Matrix3d& stiffness) {
-  const Symmetric3 k{stiffness(0, 0), stiffness(0, 1), stiffness(0, 2),
-                     stiffness(1, 1), stiffness(1, 2), stiffness(2, 2)};
-  const auto add_scaled = [&](Symmetric3& to, double scale) {
-    for (int i = 0; i < 6; ++i) to[i] += scale * k[i];
-  };
-  const auto add_block = [&](int at, double scale) {
-    constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
-    for (int i = 0; i < 9; ++i) {
-      blocks[at][4 * (i / 3) + i % 3] += static_cast<float>(scale * k[place[i]]);
-    }
-  };
-  const auto is_free = [&](int v) { return fixed.empty() || !fixed[v]; };
+  Link link{vertex,
+            weight,
+            {stiffness(0, 0), stiffness(0, 1), stiffness(0, 2), stiffness(1, 1), stiffness(1, 2),
+             stiffness(2, 2)}};
   for (int i = 0; i < 4 && vertex[i] >= 0; ++i) {
-    if (is_free(vertex[i])) add_scaled(own[vertex[i]], weight[i] * weight[i]);
-    for (int j = 0; j < i; ++j) {
-      if (!is_free(vertex[i]) || !is_free(vertex[j])) continue;
-      const double scale = weight[i] * weight[j];
-      const int at = pattern->find(vertex[i], vertex[j]);
-      if (at < 0) {
-        couplings.push_back({vertex[i], vertex[j], {}});
-        add_scaled(couplings.back().block, scale);
-        continue;
-      }
-      // Blocks in the pattern act on differences: `own` makes up for it.
-      add_block(at, scale);
-      add_block(pattern->mirror[at], scale);
-      add_scaled(own[vertex[i]], scale);
-      add_scaled(own[vertex[j]], scale);
-    }
+    if (!fixed.empty() && fixed[vertex[i]]) link.weight[i] = 0.0;
   }
+  links.push_back(link);
 }
 
 void BlockMatrix::complete_diagonal() {
@@ -114,6 +92,12 @@ void BlockMatrix::complete_diagonal() {
       for (int i = 0; i < 6; ++i) diagonal[r][i] = sum[i] + own[r][i];
     }
   });
+  for (const Link& link : links) {
+    for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i) {
+      const double scale = link.weight[i] * link.weight[i];
+      for (int k = 0; k < 6; ++k) diagonal[link.vertex[i]][k] += scale * link.stiffness[k];
+    }
+  }
 }
 
 void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
@@ -123,10 +107,13 @@ void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
     const int first = static_cast<int>(c) * chunk_rows;
     multiply_rows(*this, x.data(), y.data(), first, std::min(rows, first + chunk_rows));
   });
-  for (const Coupling& coupling : couplings) {
-    const Eigen::Matrix3d block = full(coupling.block);
-    y.col(coupling.row).head<3>() += block * x.col(coupling.column).head<3>();
-    y.col(coupling.column).head<3>() += block * x.col(coupling.row).head<3>();
+  for (const Link& link : links) {
+    Eigen::Vector3d r = Eigen::Vector3d::Zero();
+    for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i)
+      r += link.weight[i] * x.col(link.vertex[i]).head<3>();
+    r = full(link.stiffness) * r;
+    for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i)
+      y.col(link.vertex[i]).head<3>() += link.weight[i] * r;
   }
   for (std::size_t r = 0; r < fixed.size(); ++r) {
     if (fixed[r]) y.col(r) = x.col(r);

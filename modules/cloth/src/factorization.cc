@@ -102,10 +102,18 @@ class Factorization : public Preconditioner {
         }
       }
     }
-    for (const Coupling& coupling : matrix.couplings) {
-      for (int j = 0; j < 3; ++j) {
-        for (int i = 0; i < 3; ++i) {
-          add(3 * coupling.row + i, 3 * coupling.column + j, coupling.block[place[i][j]]);
+    // Links' shares of the diagonal are there already. Entries at the same place are summed up.
+    for (const Link& link : matrix.links) {
+      for (int a = 1; a < 4 && link.vertex[a] >= 0; ++a) {
+        for (int b = 0; b < a; ++b) {
+          const double scale = link.weight[a] * link.weight[b];
+          if (scale == 0.0) continue;
+          for (int j = 0; j < 3; ++j) {
+            for (int i = 0; i < 3; ++i) {
+              add(3 * link.vertex[a] + i, 3 * link.vertex[b] + j,
+                  scale * link.stiffness[place[i][j]]);
+            }
+          }
         }
       }
     }

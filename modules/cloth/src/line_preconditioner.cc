@@ -146,6 +146,12 @@ class LineSolver {
   void attach(const BlockMatrix& matrix) {
     matrix_ = &matrix;
     if (place_.empty()) find_places();
+    linked_.assign(place_.size(), {});
+    for (const Link& link : matrix.links) {
+      for (int a = 0; a < 4 && link.vertex[a] >= 0; ++a) {
+        for (int b = 0; b < a; ++b) note_link(link, a, b);
+      }
+    }
   }
 
   void factor(int pack) {
@@ -187,6 +193,11 @@ class LineSolver {
     return along_warp_ ? grid_.vertex(place, line) : grid_.vertex(line, place);
   }
 
+  std::pair<int, int> line_and_place(int v) const {
+    const int column = v % grid_.columns, row = v / grid_.columns;
+    return along_warp_ ? std::pair{row, column} : std::pair{column, row};
+  }
+
   /// Indices of the blocks one and two back, or -1, so that preparing does not search. Fixed
   /// vertices are cut off from their lines.
   void find_places() {
@@ -204,14 +215,27 @@ class LineSolver {
     }
   }
 
+  /// Links between vertices of one line, one or two places apart.
+  void note_link(const Link& link, int a, int b) {
+    const auto [line_a, i_a] = line_and_place(link.vertex[a]);
+    const auto [line_b, i_b] = line_and_place(link.vertex[b]);
+    const int back = std::abs(i_a - i_b);
+    if (line_a != line_b || back < 1 || back > 2) return;
+    Symmetric3& sum = linked_[static_cast<std::size_t>(line_a) * length_ + std::max(i_a, i_b)][back - 1];
+    const double scale = link.weight[a] * link.weight[b];
+    for (int k = 0; k < 6; ++k) sum[k] += scale * link.stiffness[k];
+  }
+
   void load(int pack, int i, int back, Block& out) const {
+    constexpr std::array<int, 9> place{0, 1, 2, 1, 3, 4, 2, 4, 5};
     for (int lane = 0; lane < lanes; ++lane) {
       const int at = pack * lanes + lane;
-      const int k = at < count_ ? place_[static_cast<std::size_t>(at) * length_ + i][back - 1] : -1;
-      for (int c = 0; c < 3; ++c) {
-        for (int r = 0; r < 3; ++r) {
-          out[3 * c + r][lane] = k < 0 ? 0.0 : matrix_->blocks[k][4 * c + r];
-        }
+      const std::size_t row = static_cast<std::size_t>(at) * length_ + i;
+      const int k = at < count_ ? place_[row][back - 1] : -1;
+      for (int c = 0; c < 9; ++c) {
+        out[c][lane] = k < 0 ? 0.0
+                             : matrix_->blocks[k][4 * (c / 3) + c % 3] +
+                                   linked_[row][back - 1][place[c]];
       }
     }
   }
@@ -231,6 +255,7 @@ class LineSolver {
   int length_, count_;
   const BlockMatrix* matrix_ = nullptr;
   std::vector<std::array<int, 2>> place_;
+  std::vector<std::array<Symmetric3, 2>> linked_;  // what links add to those blocks
   std::vector<FloatFactor> factors_;
 };
 

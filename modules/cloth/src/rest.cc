@@ -25,6 +25,7 @@ RestReport settle(ClothSystem& system, ClothState& state, const RestOptions& opt
     progress.update(++report.steps);
     report.newton_iterations += step.newton_iterations;
     report.linear_iterations += step.linear_iterations;
+    report.step_solved = step.solved;
     report.residual = system.rest_residual(state);
     report.at_rest = report.residual <= options.tolerance;
     if (step.solved) {

@@ -6,7 +6,7 @@
 
 namespace semblance {
 
-/// Row r of A x, without couplings.
+/// Row r of A x, without links.
 [[gnu::always_inline]] inline Double4 row_product(const BlockMatrix& a, const int* begin,
                                                   const int* column, const double* x, int r) {
   const Double4 mine = load4(x + 4 * static_cast<std::ptrdiff_t>(r));

@@ -492,7 +492,7 @@ void Run::settle_level() {
     now_.pace = pace;
     record(step, step_s, report.residual);
     level().residual = report.residual;
-    if (!report.at_rest && smallest_gap() < for_rest.small_gap) strengthen_contact(for_rest);
+    if (!report.at_rest && report.step_solved && smallest_gap() < for_rest.small_gap) strengthen_contact(for_rest);
     if (options_.method == SimulationMethod::quasistatic) write_frame();
     save_if_due();
   };

@@ -20,7 +20,7 @@ class Assembly {
 
   const BlockPattern& pattern() const { return pattern_; }
   bool is_fixed(int vertex) const { return !fixed_.empty() && fixed_[vertex]; }
-  /// The mixed blocks of D' H D into `out`; `out.own` is zeroed and `out.couplings` emptied, for
+  /// The mixed blocks of D' H D into `out`; `out.own` is zeroed and `out.links` emptied, for
   /// the caller to add to and then to complete the diagonal.
   void assemble(const StrainHessian& hessian, BlockMatrix& out) const;
 

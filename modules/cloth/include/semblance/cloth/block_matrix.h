@@ -30,36 +30,38 @@ BlockPattern make_pattern(std::vector<std::vector<int>> neighbours);
 /// Symmetric part of a block: xx, xy, xz, yy, yz, zz.
 using Symmetric3 = std::array<double, 6>;
 
-/// A symmetric block at (row, column) and (column, row), outside the pattern.
-struct Coupling {
-  int row, column;
-  Symmetric3 block;
+/// The stiffness K of a relative motion r = sum_i weight[i] x[vertex[i]], as of a contact: its
+/// energy is r' K r / 2. Vertices end at the first -1.
+struct Link {
+  std::array<int, 4> vertex;
+  std::array<double, 4> weight;
+  Symmetric3 stiffness;
 };
 
 /// The Hessian of an energy that does not change when everything moves together, plus a block
-/// `own` on each diagonal: (A x)_i = sum_{j != i} A_ij (x_j - x_i) + own_i x_i. In this form blocks
-/// may be rounded to single precision, which halves the traffic: stiffness of thousands still
-/// cancels exactly in motions that stretch nothing, and leaves the weak stiffness against bending
-/// and shear. Contacts stiffer than that by far need the diagonal in double precision: what is left
-/// of them there by rounding would be a force of its own.
+/// `own` on each diagonal, plus links:
+///     (A x)_i = sum_{j != i} A_ij (x_j - x_i) + own_i x_i + sum_links weight_i K r.
+/// In this form blocks may be rounded to single precision, which halves the traffic: stiffness of
+/// thousands still cancels exactly in motions that stretch nothing, and leaves the weak stiffness
+/// against bending and shear. Contacts may be stiffer than that by many orders, and would leave
+/// negative stiffness behind if they were summed up in blocks at all, so they stay as they are.
 ///
 /// Blocks are by columns, padded to four rows; those of the diagonal are unused. `diagonal` holds
-/// what they sum up to, for preconditioners, in double precision, so that factoring finds the weak
-/// stiffness too.
+/// what everything sums up to there, for preconditioners, in double precision, so that factoring
+/// finds the weak stiffness too.
 struct BlockMatrix {
   const BlockPattern* pattern = nullptr;
   std::vector<std::array<float, 12>> blocks;
   std::vector<Symmetric3> own;
-  std::vector<std::array<double, 6>> diagonal;
+  std::vector<Symmetric3> diagonal;
   std::vector<bool> fixed;  // rows of the identity, or empty; x must be zero there
-  std::vector<Coupling> couplings;
+  std::vector<Link> links;  // without weight on fixed vertices
 
-  /// Adds the stiffness K of a relative motion sum_i weight[i] x[vertex[i]]; vertices end at the
-  /// first -1. Pairs outside the pattern become couplings. Before complete_diagonal.
+  /// Adds a link; K is symmetric and not negative. Before complete_diagonal.
   void add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
            const Eigen::Matrix3d& stiffness);
 
-  /// Sets `diagonal` from the other blocks and `own`.
+  /// Sets `diagonal` from the other blocks, `own` and the links.
   void complete_diagonal();
   /// y = A x, on several threads.
   void multiply(const BlockVector& x, BlockVector& y) const;

@@ -17,6 +17,7 @@ struct RestPace {
 
 struct RestReport {
   bool at_rest = false;
+  bool step_solved = false;  // the last one
   int steps = 0;
   int newton_iterations = 0;
   int linear_iterations = 0;
