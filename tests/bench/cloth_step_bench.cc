@@ -51,7 +51,7 @@ struct Matrix {
       matrix.own[v] = {shift, 0.0, 0.0, shift, 0.0, shift};
       load(1, v) = -masses_kg[v] * (v % 7 == 0 ? 10.0 : 1.0);
     }
-    matrix.complete_diagonal();
+    matrix.complete();
   }
   Assembly assembly;
   StrainHessian hessian;

@@ -30,8 +30,8 @@ class SystemMatrix : public testing::Test {
     stiffness_ = Eigen::Vector3d(1.0, 2.0, -1.0) * Eigen::RowVector3d(1.0, 2.0, -1.0);
     matrix_.add({1, 2, 8, -1}, {0.5, 0.3, 0.2, 0.0}, 40.0 * stiffness_);
     matrix_.add({10, 40, 41, 47}, {1.0, -0.2, -0.3, -0.5}, stiffness_);
-    matrix_.complete_diagonal();
-    plain_.complete_diagonal();
+    matrix_.complete();
+    plain_.complete();
   }
 
   Sheet sheet_ = make_rectangle(0.06, 0.07, 0.01);

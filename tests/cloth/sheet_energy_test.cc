@@ -59,7 +59,7 @@ class SheetEnergies : public testing::TestWithParam<Case> {
         energy_.deformation(), static_cast<int>(sheet_.vertex_count()), std::vector<bool>{});
     BlockMatrix out;
     assembly_->assemble(strains, out);
-    out.complete_diagonal();
+    out.complete();
     return out;
   }
 
@@ -168,7 +168,7 @@ TEST_P(SheetEnergies, YarnsResistWhatAStraightWayLengthensThem) {
   assembly.assemble(strains, shrinking);
   // Holds the sheet against motions as a whole, which change no length.
   for (Symmetric3& own : shrinking.own) own[0] = own[3] = own[5] = 0.05;
-  shrinking.complete_diagonal();
+  shrinking.complete();
   const Points down = -gradient;
   const Eigen::VectorXd change =
       dense(shrinking).ldlt().solve(Eigen::Map<const Eigen::VectorXd>(down.data(), down.size()));

@@ -20,10 +20,21 @@ SEMBLANCE_WIDE void multiply_rows(const BlockMatrix& a, const double* x, double*
   }
 }
 
-Eigen::Matrix3d full(const Symmetric3& s) {
-  Eigen::Matrix3d m;
-  m << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
-  return m;
+Eigen::Vector3d product(const Symmetric3& s, const Eigen::Vector3d& x) {
+  return {s[0] * x[0] + s[1] * x[1] + s[2] * x[2], s[1] * x[0] + s[3] * x[1] + s[4] * x[2],
+          s[2] * x[0] + s[4] * x[1] + s[5] * x[2]};
+}
+
+/// Adds a link's product to rows first ... last - 1.
+void multiply_link(const Link& link, const BlockVector& x, int first, int last, BlockVector& y) {
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i)
+    r += link.weight[i] * x.col(link.vertex[i]).head<3>();
+  const Eigen::Vector3d product_r = product(link.stiffness, r);
+  for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i) {
+    const int v = link.vertex[i];
+    if (v >= first && v < last) y.col(v).head<3>() += link.weight[i] * product_r;
+  }
 }
 
 }  // namespace
@@ -72,8 +83,20 @@ void BlockMatrix::add(const std::array<int, 4>& vertex, const std::array<double,
   links.push_back(link);
 }
 
-void BlockMatrix::complete_diagonal() {
+/// Chunks of rows are multiplied on their own, so each has all links that reach into it.
+void BlockMatrix::list_links() {
+  links_of_chunk.assign((pattern->row_count() + chunk_rows - 1) / chunk_rows, {});
+  for (int k = 0; k < static_cast<int>(links.size()); ++k) {
+    for (int i = 0; i < 4 && links[k].vertex[i] >= 0; ++i) {
+      std::vector<int>& list = links_of_chunk[links[k].vertex[i] / chunk_rows];
+      if (list.empty() || list.back() != k) list.push_back(k);
+    }
+  }
+}
+
+void BlockMatrix::complete() {
   const int rows = pattern->row_count();
+  list_links();
   diagonal.resize(rows);
   parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
     const int end = std::min(rows, (static_cast<int>(c) + 1) * chunk_rows);
@@ -104,17 +127,10 @@ void BlockMatrix::multiply(const BlockVector& x, BlockVector& y) const {
   const int rows = pattern->row_count();
   y.resize(4, rows);
   parallel_for((rows + chunk_rows - 1) / chunk_rows, [&](std::size_t c) {
-    const int first = static_cast<int>(c) * chunk_rows;
-    multiply_rows(*this, x.data(), y.data(), first, std::min(rows, first + chunk_rows));
+    const int first = static_cast<int>(c) * chunk_rows, last = std::min(rows, first + chunk_rows);
+    multiply_rows(*this, x.data(), y.data(), first, last);
+    for (const int k : links_of_chunk[c]) multiply_link(links[k], x, first, last, y);
   });
-  for (const Link& link : links) {
-    Eigen::Vector3d r = Eigen::Vector3d::Zero();
-    for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i)
-      r += link.weight[i] * x.col(link.vertex[i]).head<3>();
-    r = full(link.stiffness) * r;
-    for (int i = 0; i < 4 && link.vertex[i] >= 0; ++i)
-      y.col(link.vertex[i]).head<3>() += link.weight[i] * r;
-  }
   for (std::size_t r = 0; r < fixed.size(); ++r) {
     if (fixed[r]) y.col(r) = x.col(r);
   }

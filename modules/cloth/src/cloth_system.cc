@@ -233,7 +233,7 @@ void ClothSystem::predict(const Step& step, const ClothState& state, Points& x) 
 /// Solves matrix_ change = -gradient.
 LinearSolution ClothSystem::solve_linear(const Points& gradient, Points& change) {
   const Stopwatch watch(timing_.linear_s);
-  matrix_.complete_diagonal();
+  matrix_.complete();
   BlockVector b(4, gradient.rows()), p = BlockVector::Zero(4, gradient.rows());
   b << -gradient.transpose(), Eigen::RowVectorXd::Zero(gradient.rows());
   solver_->prepare(matrix_);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 
+#include "coarse_grid.h"
 #include "column_chunks.h"
 #include "preconditioners.h"
 #include "semblance/core/parallel.h"
@@ -259,41 +260,50 @@ class LineSolver {
   std::vector<FloatFactor> factors_;
 };
 
-/// The sum of both directions' solutions: symmetric and positive as each of them is.
+/// The sum of both directions' solutions and of the coarse one: symmetric and positive as each of
+/// them is.
 class Lines : public Preconditioner {
  public:
-  explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false) {}
+  explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false), coarse_(grid) {}
 
   void prepare(const BlockMatrix& matrix) override {
     warp_.attach(matrix);
     weft_.attach(matrix);
-    each_pack([](LineSolver& lines, int pack, Eigen::Matrix4Xf&) { lines.factor(pack); });
+    coarse_.prepare(matrix);
+    parallel_for(packs(), [&](std::size_t k) {
+      const auto [lines, pack] = find(static_cast<int>(k));
+      lines->factor(pack);
+    });
   }
 
   void apply(const BlockVector& r, BlockVector& z) override {
     for (Eigen::Matrix4Xf* part : {&along_warp_, &along_weft_}) {
       if (part->cols() != r.cols()) part->setZero(4, r.cols());
     }
-    each_pack(
-        [&](LineSolver& lines, int pack, Eigen::Matrix4Xf& part) { lines.solve(pack, r, part); });
+    // The coarse solution takes longest and is begun first.
+    parallel_for(1 + packs(), [&](std::size_t k) {
+      if (k == 0) return coarse_.solve(r);
+      const auto [lines, pack] = find(static_cast<int>(k) - 1);
+      lines->solve(pack, r, lines == &warp_ ? along_warp_ : along_weft_);
+    });
     z.resize(4, r.cols());
     for_column_chunks(r.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
       z.middleCols(first, n) =
           (along_warp_.middleCols(first, n) + along_weft_.middleCols(first, n)).cast<double>();
+      coarse_.add_to(first, n, z);
     });
   }
 
  private:
-  template <class Body>
-  void each_pack(const Body& body) {
+  int packs() const { return warp_.packs() + weft_.packs(); }
+  /// The packs of both directions, one after the other.
+  std::pair<LineSolver*, int> find(int k) {
     const int first = warp_.packs();
-    parallel_for(first + weft_.packs(), [&](std::size_t k) {
-      const int pack = static_cast<int>(k);
-      pack < first ? body(warp_, pack, along_warp_) : body(weft_, pack - first, along_weft_);
-    });
+    return k < first ? std::pair{&warp_, k} : std::pair{&weft_, k - first};
   }
 
   LineSolver warp_, weft_;
+  CoarseGrid coarse_;
   Eigen::Matrix4Xf along_warp_, along_weft_;
 };
 

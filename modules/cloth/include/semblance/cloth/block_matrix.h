@@ -56,15 +56,19 @@ struct BlockMatrix {
   std::vector<Symmetric3> diagonal;
   std::vector<bool> fixed;  // rows of the identity, or empty; x must be zero there
   std::vector<Link> links;  // without weight on fixed vertices
+  std::vector<std::vector<int>> links_of_chunk;
 
-  /// Adds a link; K is symmetric and not negative. Before complete_diagonal.
+  /// Adds a link; K is symmetric and not negative. Before complete().
   void add(const std::array<int, 4>& vertex, const std::array<double, 4>& weight,
            const Eigen::Matrix3d& stiffness);
 
-  /// Sets `diagonal` from the other blocks, `own` and the links.
-  void complete_diagonal();
+  /// Sets `diagonal` and `links_of_chunk`. Before multiply and solvers.
+  void complete();
   /// y = A x, on several threads.
   void multiply(const BlockVector& x, BlockVector& y) const;
+
+ private:
+  void list_links();
 };
 
 }  // namespace semblance
