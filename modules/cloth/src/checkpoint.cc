@@ -175,9 +175,10 @@ void visit_level(Archive& archive, Level& level) {
 template <class Archive, class Row>
 void visit_row(Archive& archive, Row& row) {
   for (auto* value : {&row.time_s, &row.step_s, &row.kinetic_j, &row.elastic_j, &row.gravity_j,
-                      &row.contact_j, &row.residual, &row.speed_m_s, &row.elongation}) {
+                      &row.contact_j, &row.speed_m_s, &row.elongation}) {
     archive.number(*value);
   }
+  archive.maybe(row.residual);
   for (auto* value : {&row.newton_iterations, &row.linear_iterations, &row.level, &row.contacts}) {
     archive.number(*value);
   }

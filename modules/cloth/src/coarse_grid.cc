@@ -1,9 +1,13 @@
-#include "coarse_grid.h"
-
+// The smooth part of solutions on a grid.
+#include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <cstdlib>
+#include <array>
+#include <vector>
 
+#include "column_chunks.h"
+#include "preconditioners.h"
 #include "semblance/core/parallel.h"
+#include "wide.h"
 
 namespace semblance {
 namespace {
@@ -12,7 +16,62 @@ constexpr int lines_per_cell = 8;
 constexpr int reach = 2;  // coarse lines between nodes that one row of the matrix can link
 constexpr int span = 2 * reach + 1;
 
-}  // namespace
+/// What is left of a residual in functions that are bilinear over cells of some eight by eight
+/// meshes of the sheet's grid, solved exactly: the coarse space of a two-level additive Schwarz
+/// method (Toselli and Widlund 2005, section 3). Preconditioners that look along single lines pass
+/// long waves on from line to line, one in every iteration; here they take one.
+class CoarseGrid {
+ public:
+  explicit CoarseGrid(const SheetGrid& grid);
+
+  /// Factors P' A P, with P the bilinear interpolation. Where that is not positive definite, which
+  /// A is not either then, nothing is solved.
+  void prepare(const BlockMatrix& matrix);
+  /// Solves P' A P y = P' r.
+  void solve(const BlockVector& r);
+  /// Adds P y to columns first ... first + count - 1 of z.
+  void add_to(Eigen::Index first, Eigen::Index count, BlockVector& z) const;
+
+ private:
+  // Aligned as every allocation is: the stack of code for older processors keeps no more.
+  using Column = double __attribute__((vector_size(32), aligned(16)));
+  struct Block {
+    Column column[3];
+  };
+  /// A line of the sheet lies `share` of the way from coarse line `cell` to the next.
+  struct Place {
+    int cell;
+    double share;
+  };
+  /// Coarse nodes around a vertex, and the values of their functions there.
+  struct Support {
+    std::array<int, 4> node;
+    std::array<double, 4> weight;
+  };
+  using Cholesky = Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower>;
+
+  static std::vector<Place> places(int lines);
+  static Block symmetric(const Symmetric3& k, double scale);
+  int node(int i, int j) const { return j * node_columns_ + i; }
+  int node_count() const { return node_columns_ * node_rows_; }
+  bool is_fixed(int v) const { return !matrix_->fixed.empty() && matrix_->fixed[v]; }
+  Support support(int vertex) const;
+  Block* near_block(int a, int b);
+  void add_row(int vertex);
+  void add_link(const Link& link);
+  void list_near();
+  void list_block(int a, int b, const Block& block);
+
+  SheetGrid grid_;
+  std::vector<Place> along_warp_, along_weft_;  // of columns and of rows
+  int node_columns_, node_rows_;
+  const BlockMatrix* matrix_ = nullptr;
+  std::vector<Block> near_;  // of each node and those up to two lines away
+  std::vector<Eigen::Triplet<double>> entries_;
+  Cholesky cholesky_;
+  bool solvable_ = false;
+  Eigen::VectorXd solution_;
+};
 
 std::vector<CoarseGrid::Place> CoarseGrid::places(int lines) {
   const int cells = std::max(1, (lines - 1 + lines_per_cell - 1) / lines_per_cell);
@@ -209,6 +268,36 @@ void CoarseGrid::add_to(Eigen::Index first, Eigen::Index count, BlockVector& z) 
     for (int a = 0; a < 4; ++a)
       z.col(k).head<3>() += at.weight[a] * solution_.segment<3>(3 * at.node[a]);
   }
+}
+
+/// The sum of a preconditioner's solution and the coarse one: symmetric and positive as both are.
+class TwoLevel : public Preconditioner {
+ public:
+  TwoLevel(std::unique_ptr<Preconditioner> fine, const SheetGrid& grid)
+      : fine_(std::move(fine)), coarse_(grid) {}
+
+  void prepare(const BlockMatrix& matrix) override {
+    fine_->prepare(matrix);
+    coarse_.prepare(matrix);
+  }
+
+  void apply(const BlockVector& r, BlockVector& z) override {
+    parallel_for(2, [&](std::size_t k) { k == 0 ? coarse_.solve(r) : fine_->apply(r, z); });
+    for_column_chunks(r.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
+      coarse_.add_to(first, n, z);
+    });
+  }
+
+ private:
+  std::unique_ptr<Preconditioner> fine_;
+  CoarseGrid coarse_;
+};
+
+}  // namespace
+
+std::unique_ptr<Preconditioner> make_two_level(std::unique_ptr<Preconditioner> fine,
+                                               const SheetGrid& grid) {
+  return std::make_unique<TwoLevel>(std::move(fine), grid);
 }
 
 }  // namespace semblance

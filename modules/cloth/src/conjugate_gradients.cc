@@ -121,6 +121,10 @@ std::unique_ptr<LinearSolver> make_linear_solver(const std::string& name, const 
   if (name == "lines" && sheet.grid) {
     return std::make_unique<ConjugateGradients>(make_lines(*sheet.grid));
   }
+  if (name == "two-level" && sheet.grid) {
+    return std::make_unique<ConjugateGradients>(
+        make_two_level(make_lines(*sheet.grid), *sheet.grid));
+  }
   throw InvalidInput("no linear solver '" + name + "' for this sheet");
 }
 

@@ -214,6 +214,8 @@ void ContactFinder::Impl::list_chunks(const std::vector<PairGroup>& groups) {
 
 const std::vector<Contact>& ContactFinder::Impl::contacts(const Points& x) {
   check(x);
+  if (found_at_.rows() > 0 && found_at_ == x) return contacts_;
+  found_at_ = x;
   chunks_.clear();
   list_chunks(self_.groups);
   list_chunks(against_.groups);

@@ -70,6 +70,7 @@ class ContactFinder::Impl {
        const ContactOptions& options);
 
   void place_obstacles(double time_s) {
+    found_at_.resize(0, 3);
     for (PlacedObstacle& obstacle : placed_) obstacle.place(time_s);
   }
   void update(const Points& x);
@@ -169,6 +170,7 @@ class ContactFinder::Impl {
   std::vector<std::vector<Contact>> chunk_contacts_;
   std::vector<std::vector<std::pair<int, double>>> chunk_limits_;
   std::vector<Contact> contacts_;
+  Points found_at_;  // positions of the cloth that contacts_ are of; empty: none
   Statistics statistics_;
 };
 

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 
-#include "coarse_grid.h"
 #include "column_chunks.h"
 #include "preconditioners.h"
 #include "semblance/core/parallel.h"
@@ -260,16 +259,14 @@ class LineSolver {
   std::vector<FloatFactor> factors_;
 };
 
-/// The sum of both directions' solutions and of the coarse one: symmetric and positive as each of
-/// them is.
+/// The sum of both directions' solutions: symmetric and positive as each of them is.
 class Lines : public Preconditioner {
  public:
-  explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false), coarse_(grid) {}
+  explicit Lines(const SheetGrid& grid) : warp_(grid, true), weft_(grid, false) {}
 
   void prepare(const BlockMatrix& matrix) override {
     warp_.attach(matrix);
     weft_.attach(matrix);
-    coarse_.prepare(matrix);
     parallel_for(packs(), [&](std::size_t k) {
       const auto [lines, pack] = find(static_cast<int>(k));
       lines->factor(pack);
@@ -280,17 +277,14 @@ class Lines : public Preconditioner {
     for (Eigen::Matrix4Xf* part : {&along_warp_, &along_weft_}) {
       if (part->cols() != r.cols()) part->setZero(4, r.cols());
     }
-    // The coarse solution takes longest and is begun first.
-    parallel_for(1 + packs(), [&](std::size_t k) {
-      if (k == 0) return coarse_.solve(r);
-      const auto [lines, pack] = find(static_cast<int>(k) - 1);
+    parallel_for(packs(), [&](std::size_t k) {
+      const auto [lines, pack] = find(static_cast<int>(k));
       lines->solve(pack, r, lines == &warp_ ? along_warp_ : along_weft_);
     });
     z.resize(4, r.cols());
     for_column_chunks(r.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
       z.middleCols(first, n) =
           (along_warp_.middleCols(first, n) + along_weft_.middleCols(first, n)).cast<double>();
-      coarse_.add_to(first, n, z);
     });
   }
 
@@ -303,7 +297,6 @@ class Lines : public Preconditioner {
   }
 
   LineSolver warp_, weft_;
-  CoarseGrid coarse_;
   Eigen::Matrix4Xf along_warp_, along_weft_;
 };
 

@@ -19,5 +19,8 @@ class Preconditioner {
 std::unique_ptr<Preconditioner> make_jacobi();
 std::unique_ptr<Preconditioner> make_factorization();
 std::unique_ptr<Preconditioner> make_lines(const SheetGrid& grid);
+/// `fine`, and a coarse grid for what is smooth.
+std::unique_ptr<Preconditioner> make_two_level(std::unique_ptr<Preconditioner> fine,
+                                               const SheetGrid& grid);
 
 }  // namespace semblance

@@ -191,15 +191,17 @@ class Run {
   void warn_of_long_steps() const;
   void run_dynamic();
   bool dynamic_done();
+  bool nearly_still() const;
   void set_tolerances();
   void advance();
   bool try_step(double step_s, StepReport& report);
   double slice() const;
   double smallest_gap();
+  double largest_elongation();
   void strengthen_contact(const Strengthening& how);
   void settle_level();
 
-  void record(const StepReport& report, double step_s, double residual);
+  void record(const StepReport& report, double step_s);
   void note_strain(double elongation);
   void write_frame();
   void tick();
@@ -229,7 +231,11 @@ void Run::open(double spacing_m) {
     InternalFriction& friction = scene.model.internal_friction;
     if (friction != InternalFriction::none) friction = InternalFriction::monotone;
   }
-  step.linear_solver = scene.sheet.grid ? "lines" : dynamic() ? "jacobi" : "direct";
+  if (scene.sheet.grid) {
+    step.linear_solver = dynamic() ? "lines" : "two-level";
+  } else {
+    step.linear_solver = dynamic() ? "jacobi" : "direct";
+  }
   system_ = std::make_unique<ClothSystem>(std::move(scene), step);
   contact_s_ = 0.0;
 }
@@ -385,9 +391,8 @@ void Run::run_dynamic() {
 bool Run::dynamic_done() {
   if (now_.rows.empty()) return false;
   const SimulationRow& row = now_.rows.back();
-  level().residual = row.residual;
-  level().at_rest =
-      row.speed_m_s < options_.rest_speed_m_s && row.residual < options_.rest_residual;
+  level().at_rest = row.speed_m_s < options_.rest_speed_m_s && row.residual &&
+                    *row.residual < options_.rest_residual;
   const double end_s = options_.until_s.value_or(options_.longest_time_s);
   return now_.state.time_s >= end_s - 1e-9 || (!options_.until_s && level().at_rest);
 }
@@ -400,14 +405,17 @@ double Run::slice() const {
   return left_s / std::max(1.0, std::ceil(left_s / now_.pace.step_s - 1e-9));
 }
 
+bool Run::nearly_still() const {
+  return !now_.rows.empty() && now_.rows.back().speed_m_s < 100.0 * options_.rest_speed_m_s;
+}
+
 /// Where rest is near, what is left of forces counts and not what they would still move, and must
 /// not shake the cloth.
 void Run::set_tolerances() {
-  const bool nearly_still =
-      !now_.rows.empty() && now_.rows.back().speed_m_s < 100.0 * options_.rest_speed_m_s;
+  const bool last_steps = nearly_still();
   StepOptions& step = system_->options();
-  step.motion_tolerance = nearly_still ? 0.0 : options_.step.motion_tolerance;
-  step.tolerance = nearly_still ? 0.2 * options_.rest_residual : options_.step.tolerance;
+  step.motion_tolerance = last_steps ? 0.0 : options_.step.motion_tolerance;
+  step.tolerance = last_steps ? 0.2 * options_.rest_residual : options_.step.tolerance;
 }
 
 void Run::advance() {
@@ -424,7 +432,8 @@ void Run::advance() {
         now_.easy_steps = 0;
         now_.pace.step_s = std::min(options_.longest_step_s, 2.0 * now_.pace.step_s);
       }
-      record(report, step_s, system_->rest_residual(now_.state));
+      record(report, step_s);
+      if (nearly_still()) now_.rows.back().residual = system_->rest_residual(now_.state);
       if (smallest_gap() < for_hits.small_gap) strengthen_contact(for_hits);
       break;
     }
@@ -461,6 +470,11 @@ double Run::smallest_gap() {
   return smallest;
 }
 
+double Run::largest_elongation() {
+  const std::vector<double> all = system_->energy().elongations(now_.state.positions_m);
+  return all.empty() ? 0.0 : *std::max_element(all.begin(), all.end());
+}
+
 void Run::strengthen_contact(const Strengthening& how) {
   if (now_.barrier_factor >= largest_barrier_factor) return;
   now_.barrier_factor *= how.growth;
@@ -470,8 +484,7 @@ void Run::strengthen_contact(const Strengthening& how) {
 bool Run::try_step(double step_s, StepReport& report) {
   report = system_->step(now_.state, step_s);
   if (!report.solved || !now_.state.positions_m.allFinite()) return false;
-  const std::vector<double> all = system_->energy().elongations(now_.state.positions_m);
-  const double largest = all.empty() ? 0.0 : *std::max_element(all.begin(), all.end());
+  const double largest = largest_elongation();
   if (largest > elongation_ + options_.strain_limit) return false;
   elongation_ = largest;
   return true;
@@ -490,8 +503,9 @@ void Run::settle_level() {
     before = report;
     const double step_s = now_.pace.step_s;
     now_.pace = pace;
-    record(step, step_s, report.residual);
-    level().residual = report.residual;
+    elongation_ = largest_elongation();
+    record(step, step_s);
+    now_.rows.back().residual = level().residual = report.residual;
     if (!report.at_rest && report.step_solved && smallest_gap() < for_rest.small_gap) strengthen_contact(for_rest);
     if (options_.method == SimulationMethod::quasistatic) write_frame();
     save_if_due();
@@ -508,10 +522,9 @@ void Run::settle_level() {
 
 // ---- records
 
-void Run::record(const StepReport& report, double step_s, double residual) {
+void Run::record(const StepReport& report, double step_s) {
   const ClothState& state = now_.state;
   const ClothEnergies energies = system_->energies(state);
-  const std::vector<double> all = system_->energy().elongations(state.positions_m);
   SimulationRow row;
   row.time_s = state.time_s;
   row.step_s = step_s;
@@ -522,8 +535,7 @@ void Run::record(const StepReport& report, double step_s, double residual) {
     row.kinetic_j = energies.kinetic_j;
     row.speed_m_s = state.velocities_m_s.rowwise().norm().maxCoeff();
   }
-  row.residual = residual;
-  row.elongation = all.empty() ? 0.0 : *std::max_element(all.begin(), all.end());
+  row.elongation = elongation_;
   row.newton_iterations = report.newton_iterations;
   row.linear_iterations = report.linear_iterations;
   row.level = level_index();
@@ -571,7 +583,7 @@ SimulationSummary Run::summary() {
   out.scene = system_->scene();
   out.at_rest = level().at_rest;
   out.stopped = stopped_;
-  out.residual = system_->rest_residual(now_.state);
+  out.residual = level().residual = system_->rest_residual(now_.state);
   out.residual_n = out.residual * system_->weight_norm();
   const std::vector<double> all = system_->energy().elongations(now_.state.positions_m);
   for (const double e : all) {

@@ -174,6 +174,7 @@ double ContactFinder::Impl::max_step_until(const Points& x, const Points& dx, do
 }
 
 void ContactFinder::Impl::move_obstacles(double time_s, double fraction) {
+  found_at_.resize(0, 3);
   for (PlacedObstacle& obstacle : placed_) {
     obstacle.head_for(time_s);
     obstacle.arrive(fraction);

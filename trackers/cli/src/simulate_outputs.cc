@@ -123,10 +123,11 @@ void SimulationFiles::write_log(const SimulationSummary& summary) const {
       [&](std::ostream& out) {
         for (const SimulationRow& row : summary.rows) {
           out << fmt::format(
-              "{},{:.9g},{:.6g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{:.6g},{:.6g},"
+              "{},{:.9g},{:.6g},{:.9g},{:.9g},{:.9g},{:.9g},{},{:.6g},{:.6g},"
               "{},{},{}\n",
               row.level + 1, row.time_s, row.step_s, row.kinetic_j, row.elastic_j, row.gravity_j,
-              row.contact_j, row.residual, row.speed_m_s, row.elongation, row.newton_iterations,
+              row.contact_j, row.residual ? fmt::format("{:.6g}", *row.residual) : "",
+              row.speed_m_s, row.elongation, row.newton_iterations,
               row.linear_iterations, row.contacts);
         }
       });

@@ -55,7 +55,8 @@ struct SimulationRow {
   double time_s = 0.0;  // of quasi-static steps a count of no meaning but order
   double step_s = 0.0;
   double kinetic_j = 0.0, elastic_j = 0.0, gravity_j = 0.0, contact_j = 0.0;
-  double residual = 0.0;  // ClothSystem::rest_residual
+  /// ClothSystem::rest_residual; in motion, where forces are not to be in balance, nothing.
+  std::optional<double> residual;
   double speed_m_s = 0.0;
   double elongation = 0.0;  // the largest
   std::int32_t newton_iterations = 0, linear_iterations = 0;
