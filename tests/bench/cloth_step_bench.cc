@@ -121,7 +121,7 @@ void register_all() {
     add("energy", [=](benchmark::State& s) { energy(s, spacing_m); });
     add("hessian", [=](benchmark::State& s) { hessian(s, spacing_m); });
     add("assemble", [=](benchmark::State& s) { assemble(s, spacing_m); });
-    for (const char* name : {"jacobi", "lines", "direct"}) {
+    for (const char* name : {"jacobi", "lines", "two-level", "direct"}) {
       add(std::string("solve_") + name, [=](benchmark::State& s) { solve(s, spacing_m, name); });
     }
   }

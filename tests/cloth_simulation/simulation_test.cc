@@ -11,9 +11,11 @@
 namespace semblance::testing {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::ThrowsMessage;
 
 /// Keeps what a run hands out.
@@ -234,6 +236,37 @@ TEST(Simulation, StepsThatAreTooLongAreHalved) {
   EXPECT_THAT(notes.warnings, Contains(HasSubstr("are too long here")));
   for (std::size_t k = 1; k < summary.rows.size(); ++k) {
     EXPECT_LE(summary.rows[k].elongation, summary.rows[k - 1].elongation + 1e-3);
+  }
+}
+
+/// A body of a file in centimetres that was taken for one in metres.
+TEST(Simulation, BodiesWithEdgesBelowTheThicknessAreNamed) {
+  Mesh corner;
+  corner.positions_m.resize(4, 3);
+  corner.positions_m << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  corner.positions_m.rowwise() -= Eigen::RowVector3d(0, 50, 0);
+  corner.triangles.resize(4, 3);
+  corner.triangles << 0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3;
+  for (const double scale : {1.0, 1e-5}) {
+    Mesh body = corner;
+    body.positions_m *= scale;
+    if (scale < 1.0) body.positions_m.rowwise() -= Eigen::RowVector3d(0, 50, 0);
+    SimulationSetup setup = preset_setup("pinned", plausible_fabric());
+    setup.make = [make = setup.make, body](double spacing_m) {
+      ClothScene scene = make(spacing_m);
+      scene.obstacles.push_back(make_mesh_obstacle("doll", body));
+      return scene;
+    };
+    SimulationOptions options = some_options(SimulationMethod::dynamic, 0.1);
+    options.until_s = 0.01;
+    Notes notes;
+    simulate(setup, options, notes, silent_progress());
+    const auto named = Contains(AllOf(HasSubstr("doll"), HasSubstr("is its scale right?")));
+    if (scale < 1.0) {
+      EXPECT_THAT(notes.warnings, named);
+    } else {
+      EXPECT_THAT(notes.warnings, Not(named));
+    }
   }
 }
 

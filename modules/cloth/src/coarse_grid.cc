@@ -153,8 +153,7 @@ SEMBLANCE_WIDE void CoarseGrid::add_row(int vertex) {
     for (int j = 0; j < window; ++j) {
       for (int i = 0; i < window; ++i) {
         Block& sum = to[(j - 1 - aj + reach) * span + i - 1 - ai + reach];
-        for (int c = 0; c < 3; ++c)
-          sum.column[c] += own.weight[a] * sums[j * window + i].column[c];
+        for (int c = 0; c < 3; ++c) sum.column[c] += own.weight[a] * sums[j * window + i].column[c];
       }
     }
   }

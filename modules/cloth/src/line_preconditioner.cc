@@ -221,7 +221,8 @@ class LineSolver {
     const auto [line_b, i_b] = line_and_place(link.vertex[b]);
     const int back = std::abs(i_a - i_b);
     if (line_a != line_b || back < 1 || back > 2) return;
-    Symmetric3& sum = linked_[static_cast<std::size_t>(line_a) * length_ + std::max(i_a, i_b)][back - 1];
+    Symmetric3& sum =
+        linked_[static_cast<std::size_t>(line_a) * length_ + std::max(i_a, i_b)][back - 1];
     const double scale = link.weight[a] * link.weight[b];
     for (int k = 0; k < 6; ++k) sum[k] += scale * link.stiffness[k];
   }
@@ -233,9 +234,9 @@ class LineSolver {
       const std::size_t row = static_cast<std::size_t>(at) * length_ + i;
       const int k = at < count_ ? place_[row][back - 1] : -1;
       for (int c = 0; c < 9; ++c) {
-        out[c][lane] = k < 0 ? 0.0
-                             : matrix_->blocks[k][4 * (c / 3) + c % 3] +
-                                   linked_[row][back - 1][place[c]];
+        out[c][lane] =
+            k < 0 ? 0.0
+                  : matrix_->blocks[k][4 * (c / 3) + c % 3] + linked_[row][back - 1][place[c]];
       }
     }
   }

@@ -41,6 +41,17 @@ double wall_clock_s() {
 }
 double cpu_clock_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
+double mean_edge_m(const Mesh& mesh) {
+  double sum_m = 0.0;
+  for (const auto& triangle : mesh.triangles.rowwise()) {
+    for (int k = 0; k < 3; ++k) {
+      sum_m +=
+          (mesh.positions_m.row(triangle[k]) - mesh.positions_m.row(triangle[(k + 1) % 3])).norm();
+    }
+  }
+  return sum_m / (3.0 * static_cast<double>(mesh.triangles.rows()));
+}
+
 bool moves(const ClothScene& scene) {
   return std::any_of(scene.obstacles.begin(), scene.obstacles.end(), is_moving);
 }
@@ -188,6 +199,7 @@ class Run {
   void begin_from(const ClothScene& coarse, const Points& positions_m);
   void resume_at(const SimulationCheckpoint& checkpoint, const std::vector<double>& spacings);
 
+  void warn_of_fine_bodies(const ClothScene& scene) const;
   void warn_of_long_steps() const;
   void run_dynamic();
   bool dynamic_done();
@@ -315,6 +327,19 @@ void Run::resume_at(const SimulationCheckpoint& checkpoint, const std::vector<do
   system_->contacts().update(state.positions_m, state.time_s);
 }
 
+/// Bodies' files in another unit than metres become dolls, or the cloth lies in a pore of theirs.
+void Run::warn_of_fine_bodies(const ClothScene& scene) const {
+  for (const Obstacle& obstacle : scene.obstacles) {
+    if (!obstacle.surface || obstacle.surface->triangles.rows() == 0) continue;
+    const double edge_m = mean_edge_m(*obstacle.surface);
+    if (edge_m >= scene.fabric.thickness_m) continue;
+    sink_.warn(fmt::format(
+        "{}: its edges are {:.2g} mm long on average, less than the cloth is thick ({:.2g} mm), "
+        "which makes contact slow and may keep the cloth from rest; is its scale right?",
+        obstacle.name, 1e3 * edge_m, 1e3 * scene.fabric.thickness_m));
+  }
+}
+
 SimulationSummary Run::run(const SimulationCheckpoint* resume) {
   const ClothScene finest = setup_.make(options_.spacing_m);
   check_options(setup_, options_, finest);
@@ -331,6 +356,7 @@ SimulationSummary Run::run(const SimulationCheckpoint* resume) {
     begin_level(spacings.front());
   }
   sink_.begin();
+  warn_of_fine_bodies(finest);
   for (;;) {
     dynamic() ? run_dynamic() : settle_level();
     tick();
@@ -506,7 +532,8 @@ void Run::settle_level() {
     elongation_ = largest_elongation();
     record(step, step_s);
     now_.rows.back().residual = level().residual = report.residual;
-    if (!report.at_rest && report.step_solved && smallest_gap() < for_rest.small_gap) strengthen_contact(for_rest);
+    if (!report.at_rest && report.step_solved && smallest_gap() < for_rest.small_gap)
+      strengthen_contact(for_rest);
     if (options_.method == SimulationMethod::quasistatic) write_frame();
     save_if_due();
   };

@@ -127,8 +127,8 @@ void SimulationFiles::write_log(const SimulationSummary& summary) const {
               "{},{},{}\n",
               row.level + 1, row.time_s, row.step_s, row.kinetic_j, row.elastic_j, row.gravity_j,
               row.contact_j, row.residual ? fmt::format("{:.6g}", *row.residual) : "",
-              row.speed_m_s, row.elongation, row.newton_iterations,
-              row.linear_iterations, row.contacts);
+              row.speed_m_s, row.elongation, row.newton_iterations, row.linear_iterations,
+              row.contacts);
         }
       });
 }
