@@ -124,6 +124,7 @@ TEST(HeartLoop, HangsAsDeepAsTheElastica) {
     const double exact_m = half_m * heart_height(weight);
     const double coarse = std::abs(simulate(bending, 0.005) / exact_m - 1.0);
     const double fine = std::abs(simulate(bending, 0.0025) / exact_m - 1.0);
+    RecordProperty("error of B " + std::to_string(bending), std::to_string(fine));
     EXPECT_LT(fine, 0.01) << bending;
     EXPECT_GT(coarse, 3.0 * fine) << bending;
   }
