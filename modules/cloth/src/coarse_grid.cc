@@ -2,6 +2,7 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "column_chunks.h"
@@ -69,6 +70,7 @@ class CoarseGrid {
   std::vector<Block> near_;  // of each node and those up to two lines away
   std::vector<Eigen::Triplet<double>> entries_;
   Cholesky cholesky_;
+  std::vector<int> begins_, rows_;  // the pattern that was analysed last
   bool solvable_ = false;
   Eigen::VectorXd solution_;
 };
@@ -234,7 +236,14 @@ void CoarseGrid::prepare(const BlockMatrix& matrix) {
   for (int k = 0; k < coarse.rows(); ++k) {
     if (coarse.coeff(k, k) == 0.0) coarse.coeffRef(k, k) = 1.0;  // all around is fixed
   }
-  cholesky_.compute(coarse);
+  const std::span<const int> begins(coarse.outerIndexPtr(), coarse.outerSize() + 1);
+  const std::span<const int> rows(coarse.innerIndexPtr(), coarse.nonZeros());
+  if (!std::ranges::equal(begins, begins_) || !std::ranges::equal(rows, rows_)) {
+    cholesky_.analyzePattern(coarse);
+    begins_.assign(begins.begin(), begins.end());
+    rows_.assign(rows.begin(), rows.end());
+  }
+  cholesky_.factorize(coarse);
   solvable_ = cholesky_.info() == Eigen::Success;
 }
 

@@ -146,7 +146,9 @@ class LineSolver {
   void attach(const BlockMatrix& matrix) {
     matrix_ = &matrix;
     if (place_.empty()) find_places();
-    linked_.assign(place_.size(), {});
+    linked_.resize(place_.size());
+    for (const std::size_t row : linked_rows_) linked_[row] = {};
+    linked_rows_.clear();
     for (const Link& link : matrix.links) {
       for (int a = 0; a < 4 && link.vertex[a] >= 0; ++a) {
         for (int b = 0; b < a; ++b) note_link(link, a, b);
@@ -221,8 +223,9 @@ class LineSolver {
     const auto [line_b, i_b] = line_and_place(link.vertex[b]);
     const int back = std::abs(i_a - i_b);
     if (line_a != line_b || back < 1 || back > 2) return;
-    Symmetric3& sum =
-        linked_[static_cast<std::size_t>(line_a) * length_ + std::max(i_a, i_b)][back - 1];
+    const std::size_t row = static_cast<std::size_t>(line_a) * length_ + std::max(i_a, i_b);
+    linked_rows_.push_back(row);
+    Symmetric3& sum = linked_[row][back - 1];
     const double scale = link.weight[a] * link.weight[b];
     for (int k = 0; k < 6; ++k) sum[k] += scale * link.stiffness[k];
   }
@@ -257,6 +260,7 @@ class LineSolver {
   const BlockMatrix* matrix_ = nullptr;
   std::vector<std::array<int, 2>> place_;
   std::vector<std::array<Symmetric3, 2>> linked_;  // what links add to those blocks
+  std::vector<std::size_t> linked_rows_;           // where that is not zero
   std::vector<FloatFactor> factors_;
 };
 
