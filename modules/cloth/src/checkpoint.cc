@@ -16,7 +16,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "checkpoints are written as the numbers lie in memory");
 
-constexpr std::string_view magic = "semblance.cloth_checkpoint/1\n";
+constexpr std::string_view magic = "semblance.cloth_checkpoint/2\n";
 constexpr std::uintmax_t largest_file_bytes = std::uintmax_t{8} << 30;
 
 /// Both directions visit the same fields in the same order (see `visit`).

@@ -126,6 +126,7 @@ ClothState ClothSystem::start() {
   Points rest(scene_.sheet.vertex_count(), 3);
   rest << scene_.sheet.material_m, Eigen::VectorXd::Zero(scene_.sheet.vertex_count());
   state.memory = energy_.memory_at(rest);
+  state.friction = scene_.start_friction;
   finder_.update(state.positions_m, 0.0);
   return state;
 }

@@ -130,21 +130,18 @@ SEMBLANCE_WIDE void CoarseGrid::add_row(int vertex) {
     if (is_fixed(c)) continue;
     Block block;
     if (c == vertex) {
-      const Symmetric3& d = matrix_->diagonal[vertex];
-      block = symmetric(d, 1.0);
+      block = symmetric(matrix_->diagonal[vertex], 1.0);
     } else {
       for (int i = 0; i < 3; ++i) block.column[i] = load4(matrix_->blocks[k].data() + 4 * i);
     }
-    const Place& u = along_warp_[c % grid_.columns];
-    const Place& v = along_weft_[c / grid_.columns];
-    Block* sum = sums + (v.cell - cell_j) * window + u.cell - cell_i;
-    const double weight[4] = {(1.0 - u.share) * (1.0 - v.share), u.share * (1.0 - v.share),
-                              (1.0 - u.share) * v.share, u.share * v.share};
+    const Support at = support(c);
+    Block* sum = sums + (along_weft_[c / grid_.columns].cell - cell_j) * window +
+                 along_warp_[c % grid_.columns].cell - cell_i;
     for (int i = 0; i < 3; ++i) {
-      sum[0].column[i] += weight[0] * block.column[i];
-      sum[1].column[i] += weight[1] * block.column[i];
-      sum[window].column[i] += weight[2] * block.column[i];
-      sum[window + 1].column[i] += weight[3] * block.column[i];
+      sum[0].column[i] += at.weight[0] * block.column[i];
+      sum[1].column[i] += at.weight[1] * block.column[i];
+      sum[window].column[i] += at.weight[2] * block.column[i];
+      sum[window + 1].column[i] += at.weight[3] * block.column[i];
     }
   }
   const Support own = support(vertex);

@@ -57,8 +57,7 @@ class ConjugateGradients : public LinearSolver {
       // norm hears only stiff modes.
       const double gain = 0.5 * rho * rho / curvature;
       model += gain;
-      static const int minit = getenv("MINIT") ? atoi(getenv("MINIT")) : 0;
-      if (out.iterations >= minit && out.iterations * gain <= tolerance * model) break;
+      if (out.iterations * gain <= tolerance * model) break;
     }
     out.relative_residual = goal > 0.0 ? residual / goal * tolerance : 0.0;
     return out;

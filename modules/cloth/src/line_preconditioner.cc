@@ -272,20 +272,15 @@ class Lines : public Preconditioner {
   void prepare(const BlockMatrix& matrix) override {
     warp_.attach(matrix);
     weft_.attach(matrix);
-    parallel_for(packs(), [&](std::size_t k) {
-      const auto [lines, pack] = find(static_cast<int>(k));
-      lines->factor(pack);
-    });
+    each_pack([](LineSolver& lines, int pack, Eigen::Matrix4Xf&) { lines.factor(pack); });
   }
 
   void apply(const BlockVector& r, BlockVector& z) override {
     for (Eigen::Matrix4Xf* part : {&along_warp_, &along_weft_}) {
       if (part->cols() != r.cols()) part->setZero(4, r.cols());
     }
-    parallel_for(packs(), [&](std::size_t k) {
-      const auto [lines, pack] = find(static_cast<int>(k));
-      lines->solve(pack, r, lines == &warp_ ? along_warp_ : along_weft_);
-    });
+    each_pack(
+        [&](LineSolver& lines, int pack, Eigen::Matrix4Xf& part) { lines.solve(pack, r, part); });
     z.resize(4, r.cols());
     for_column_chunks(r.cols(), [&](std::size_t, Eigen::Index first, Eigen::Index n) {
       z.middleCols(first, n) =
@@ -294,11 +289,13 @@ class Lines : public Preconditioner {
   }
 
  private:
-  int packs() const { return warp_.packs() + weft_.packs(); }
-  /// The packs of both directions, one after the other.
-  std::pair<LineSolver*, int> find(int k) {
+  template <class Body>
+  void each_pack(const Body& body) {
     const int first = warp_.packs();
-    return k < first ? std::pair{&warp_, k} : std::pair{&weft_, k - first};
+    parallel_for(first + weft_.packs(), [&](std::size_t k) {
+      const int pack = static_cast<int>(k);
+      pack < first ? body(warp_, pack, along_warp_) : body(weft_, pack - first, along_weft_);
+    });
   }
 
   LineSolver warp_, weft_;

@@ -120,7 +120,8 @@ void add_scene(Key& key, const ClothScene& scene) {
   for (const double value :
        {static_cast<double>(scene.model.bending), static_cast<double>(scene.model.compression),
         static_cast<double>(scene.model.internal_friction), scene.model.buckling_wavelength_m,
-        scene.self_contact ? 1.0 : 0.0}) {
+        scene.self_contact ? 1.0 : 0.0, static_cast<double>(scene.start_friction.size()),
+        scene.start_barrier_factor}) {
     key.add(value);
   }
   for (const Obstacle& obstacle : scene.obstacles) add_obstacle(key, obstacle);
@@ -263,7 +264,8 @@ void Run::begin_level(double spacing_m) {
                          .vertices = scene.sheet.vertex_count(),
                          .start = "the scene's start"});
   now_.state = system_->start();
-  now_.barrier_factor = 1.0;
+  now_.barrier_factor = scene.start_barrier_factor;
+  system_->contact_law().barrier_pa *= now_.barrier_factor;
   now_.pace = {.step_s = options_.rest.first_step_s};
 }
 
@@ -277,6 +279,7 @@ void Run::begin_from(const ClothScene& coarse, const Points& positions_m) {
     level().start = which;
     now_.state.positions_m = start;
     now_.state.memory = system_->energy().memory_at(start);
+    now_.state.friction.clear();
   };
   Points pushed = refined;
   const double pushed_m = system_->contacts().push_out(pushed, 0.05 * level().spacing_m);

@@ -69,9 +69,24 @@ struct OtherShape {
   std::string path;
   Sheet sheet;
   Points positions_m;
+  std::optional<SimulationCheckpoint> end;  // the state that it was left in
 
-  /// Where the vertices of another sheet of the same piece of fabric lie on it.
-  Points on(const Sheet& other) const {
+  bool is_of(const Sheet& other) const {
+    return other.triangles.rows() == sheet.triangles.rows() && other.triangles == sheet.triangles;
+  }
+  /// Lets the scene begin here.
+  void start(ClothScene& scene) const {
+    check_size(scene.sheet);
+    if (!end || !is_of(scene.sheet)) {
+      scene.start_m = refine(sheet, positions_m, scene.sheet);
+      return;
+    }
+    scene.start_m = end->state.positions_m;
+    scene.start_friction = end->state.friction;
+    scene.start_barrier_factor = end->barrier_factor;
+  }
+  /// Refuses another piece of fabric.
+  void check_size(const Sheet& other) const {
     const Eigen::RowVector2d mine = size_m(sheet), others = size_m(other);
     if ((mine - others).norm() > 1e-3 * others.norm()) {
       throw InvalidInput(fmt::format(
@@ -79,7 +94,6 @@ struct OtherShape {
           "from a run of the same scene",
           path, mine[0], mine[1], others[0], others[1]));
     }
-    return refine(sheet, positions_m, other);
   }
   static Eigen::RowVector2d size_m(const Sheet& sheet) {
     return sheet.material_m.colwise().maxCoeff() - sheet.material_m.colwise().minCoeff();
@@ -95,13 +109,26 @@ OtherShape read_other_shape(const std::string& other) {
   return out;
 }
 
+/// The shape, and the state where it is known.
+OtherShape read_start(const std::string& other) {
+  OtherShape out = read_other_shape(other);
+  const std::string state = (fs::path(other) / "rest.bin").string();
+  if (!fs::is_directory(other) || !fs::exists(state)) return out;
+  out.end = read_checkpoint(state);
+  if (out.end->state.positions_m.rows() != out.positions_m.rows()) {
+    throw InvalidInput(state + ": is not of " + out.path +
+                       "; remove it to start from that shape alone");
+  }
+  return out;
+}
+
 /// What options say beside the scene, on whatever the scene says itself.
 void override_scene(const SimulateArguments& arguments, SimulationSetup& setup) {
   std::optional<OtherShape> start;
-  if (!arguments.start.empty()) start = read_other_shape(arguments.start);
+  if (!arguments.start.empty()) start = read_start(arguments.start);
   setup.make = [make = setup.make, arguments, start](double spacing_m) {
     ClothScene scene = make(spacing_m);
-    if (start) scene.start_m = start->on(scene.sheet);
+    if (start) start->start(scene);
     const bool own = scene.model.internal_friction != InternalFriction::none;
     const bool hysteresis = arguments.hysteresis.empty() ? own : arguments.hysteresis == "on";
     if (!arguments.model.empty()) {

@@ -60,8 +60,8 @@ SimulationFiles::SimulationFiles(std::string folder, std::string format, bool re
 void SimulationFiles::begin() {
   prepare_output_folder(folder_);
   if (resume_) return;
-  for (const char* name : {"rest.obj", "energy.csv", "strain.csv", "profile.csv", "compression.png",
-                           "drape.png", "motion.glb", "checkpoint.bin"}) {
+  for (const char* name : {"rest.obj", "rest.bin", "energy.csv", "strain.csv", "profile.csv",
+                           "compression.png", "drape.png", "motion.glb", "checkpoint.bin"}) {
     std::error_code error;
     fs::remove(folder_ / name, error);
   }
@@ -111,6 +111,7 @@ void SimulationFiles::finish(const SimulationSummary& summary, double frames_per
   if (summary.drape) write_profile(*summary.drape);
   if (format_ == "glb" && summary.frames > 0) write_animation(summary, frames_per_second);
   write_shape("rest.obj", summary.scene.sheet, positions_m);
+  write_state(summary);
   std::error_code error;
   fs::remove(checkpoint_path(), error);
 }
@@ -131,6 +132,15 @@ void SimulationFiles::write_log(const SimulationSummary& summary) const {
               row.contacts);
         }
       });
+}
+
+/// What a later run needs beside the shape to start from it as if this one had gone on.
+void SimulationFiles::write_state(const SimulationSummary& summary) const {
+  SimulationCheckpoint end;
+  end.state.positions_m = summary.state.positions_m;
+  end.state.friction = summary.state.friction;
+  end.barrier_factor = summary.barrier_factor;
+  write_checkpoint(path("rest.bin"), end);
 }
 
 void SimulationFiles::write_strain(const SimulationSummary& summary) const {

@@ -35,6 +35,7 @@ class SimulationFiles : public SimulationSink {
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::string frame_path(int number) const;
   void write_shape(const std::string& name, const Sheet& sheet, const Points& positions_m) const;
+  void write_state(const SimulationSummary& summary) const;
   void write_log(const SimulationSummary& summary) const;
   void write_strain(const SimulationSummary& summary) const;
   void write_profile(const DrapeProfile& profile) const;

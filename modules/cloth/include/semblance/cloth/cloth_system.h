@@ -19,7 +19,11 @@ struct ClothScene {
   Sheet sheet;
   Fabric fabric;
   SheetModel model;
-  Points start_m;          // positions at the start
+  Points start_m;  // positions at the start
+  /// Of an earlier rest of the same sheet: friction's springs, and how many times stronger barriers
+  /// had become. Without them cloth that rests by friction has to find its rest anew.
+  FrictionMemory start_friction;
+  double start_barrier_factor = 1.0;
   std::vector<int> fixed;  // vertices that are held where they are
   std::vector<Obstacle> obstacles;
   bool self_contact = true;

@@ -32,9 +32,10 @@ class LinearSolver {
 /// "jacobi": conjugate gradients, preconditioned by the diagonal blocks.
 /// "lines": by exact solves along warp and weft lines; needs a grid.
 /// "two-level": by those and exact solves on a coarse grid, for matrices without much inertia,
-/// where long waves count; needs a grid. "direct": by the factorisation of the whole matrix, so one
-/// or two iterations do, for any mesh. It takes as long as some hundred iterations of "lines":
-/// worth it where solutions must be exact, or are many for one matrix.
+/// where long waves count; needs a grid.
+/// "direct": by the factorisation of the whole matrix, so one or two iterations do, for any mesh.
+/// It takes as long as some hundred iterations of "lines": worth it where solutions must be exact,
+/// or are many for one matrix.
 std::unique_ptr<LinearSolver> make_linear_solver(const std::string& name, const Sheet& sheet);
 
 }  // namespace semblance
