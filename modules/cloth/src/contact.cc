@@ -374,7 +374,11 @@ double ContactFinder::Impl::push_out(Points& x, double stride_m) {
 std::optional<std::string> ContactFinder::Impl::start_problem(const Points& x) {
   if (!x.allFinite()) return "a position of the cloth is not finite";
   const std::vector<Penetration> found = penetrations(x, false);
-  if (!found.empty()) return describe(found.front(), placed_, found.size());
+  if (!found.empty()) {
+    // The first of those without depth, or the deepest.
+    const auto worst = std::ranges::max_element(found, {}, &Penetration::depth_m);
+    return describe(*worst, placed_, found.size());
+  }
   update(x);
   for (const Contact& contact : contacts(x)) {
     if (contact.gap_m > 0.0) continue;
